@@ -1,5 +1,6 @@
 """Run commands, and look at processes; processes that end meanwhile are left out."""
 
+import os
 import re
 import subprocess
 import sys
@@ -16,11 +17,26 @@ WRITES_NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
 """Environment of a process whose file sizes are limited: truncated bytecode would break later imports."""
 
 
+def without_screen() -> dict[str, str]:
+    """Return the environment of a machine without a screen."""
+    return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
 def pdpatrol(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
+    """Run a command to its end, without a screen."""
     return subprocess.run(
-        [PDPATROL, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False, timeout=300
-    )
+        [PDPATROL, *map(str, arguments)],
+        cwd=cwd, env=without_screen(), capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+
+
+def start_python(code: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]:
+    """Start Python code that may import this repository."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        cwd=cwd, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
 
 
 def refusal(done: subprocess.CompletedProcess[str]) -> list[str]:

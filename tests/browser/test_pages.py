@@ -1,17 +1,16 @@
 """Viewer, report and trend in a browser, in both themes."""
 
-import re
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 from numpy.typing import NDArray
 
 from pdpatrol.missions.cli.mission_files import write_mission
 from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, picture, picture_when
-from tests.missions.replay.short_mission import pdpatrol, short_mission
-from tests.missions.replay.test_viewer import started
+from tests.missions.replay.short_mission import short_mission
+from tests.missions.replay.test_viewer import read_address, started
+from tests.processes import pdpatrol
 
 pytestmark = [
     pytest.mark.whole,
@@ -24,17 +23,15 @@ MIDDLE, DRAWN_COLOURS = (slice(150, 450), slice(150, 800)), 400
 
 
 @pytest.fixture(scope="module")
-def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("browser") / "schöne Mission"
-    folder.mkdir()
-    short_mission(12.0).save(folder)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with two missions, their reports and their trend."""
+    folder = tmp_path_factory.mktemp("browser") / "schöne Missionen 1"
+    for date in ("2026-03-02", "2026-03-09"):
+        (folder / date).mkdir(parents=True)
+        write_mission(short_mission(45.0, date=date), 0.0, folder / date)
+    done = pdpatrol("trend", "2026-03-02", "2026-03-09", "--out", "trend", cwd=folder)
+    assert done.returncode == 0, done.stderr
     return folder
-
-
-def address(process: psutil.Popen) -> str:
-    assert process.stdout is not None
-    (url,) = re.findall(r"http://\S+", process.stdout.readline())
-    return url
 
 
 def has_drawn(seen: NDArray[np.uint8]) -> bool:
@@ -42,9 +39,9 @@ def has_drawn(seen: NDArray[np.uint8]) -> bool:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_replay_in_a_browser_draws_the_mission(mission: Path, theme: Theme) -> None:
-    with started("replay", mission.name, "--web", cwd=mission.parent, on_screen=False) as process:
-        with opened(f"{address(process)}&renderer=webgl", theme) as (page, errors):
+def test_replay_in_a_browser_draws_the_mission(folder: Path, theme: Theme) -> None:
+    with started("replay", "2026-03-02", "--web", cwd=folder) as process:
+        with opened(f"{read_address(process)}&renderer=webgl", theme) as (page, errors):
             seen = picture_when(page, f"replay-{theme}", has_drawn)
         assert has_drawn(seen)
         frame = float(seen[:20].mean())  # the bar at the top
@@ -52,35 +49,15 @@ def test_replay_in_a_browser_draws_the_mission(mission: Path, theme: Theme) -> N
         assert errors == []
 
 
-def write_report(folder: Path) -> Path:
-    write_mission(short_mission(12.0), 0.0, folder)
-    return folder / "report.html"
-
-
-def write_trend_page(folder: Path) -> Path:
-    for date in ("2026-03-02", "2026-03-09"):
-        (folder / date).mkdir()
-        short_mission(45.0, date=date).save(folder / date)
-    done = pdpatrol("trend", "2026-03-02", "2026-03-09", "--out", "trend", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    return folder / "trend" / "trend.html"
-
-
-PAGES = {"report": write_report, "trend": write_trend_page}
-"""Functions that write a page into a folder."""
-
-
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("name", ["2026-03-02/report.html", "trend/trend.html"])
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_page_shows_text_and_pictures_and_loads_nothing(name: str, theme: Theme, tmp_path: Path) -> None:
-    folder = tmp_path / "Prüfung 1"
-    folder.mkdir()
-    file = PAGES[name](folder)
+def test_page_shows_text_and_pictures_and_loads_nothing(name: str, theme: Theme, folder: Path) -> None:
+    file = folder / name
     with opened(file.as_uri(), theme) as (page, errors):
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))
         page.reload()
-        seen = picture(page, f"{name}-{theme}")
+        seen = picture(page, f"{file.stem}-{theme}")
         words, height = page.inner_text("body"), page.evaluate("document.body.scrollHeight")
         drawn = page.evaluate("[...document.querySelectorAll('img')].filter(x => x.clientHeight > 50).length")
     assert "one_source" in words

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
 from pdpatrol.envs import Scenario, load_scenario
@@ -98,7 +99,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
         array=array,
         pose_error=scenario.pose_sensor.pose_error,
         true_pose=loop,
-        pose=_believed(loop, scenario, generators.motion),
+        pose=_measured(loop, scenario, generators.motion),
         pulses=make_estimator(scenario.estimator.method, array)(pulses, array).attached_to(pulses),
         step=np.repeat(np.arange(len(loop)), [batch.n_pulses for batch in batches]),
     )
@@ -139,40 +140,35 @@ def _draw_places(
     size_m: tuple[float, float], n_sources: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Draw sources (n_sources, 3) and the poses (n_steps, 3) of a loop around them with a random start."""
-    margin_m = MOST_RANGE_M
-    centre_m = np.array([rng.uniform(margin_m, length_m - margin_m) for length_m in size_m])
+    centre_m = np.array([rng.uniform(MOST_RANGE_M, length_m - MOST_RANGE_M) for length_m in size_m])
     angle = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
     half_m = 0.5 * (MOST_RANGE_M - LEAST_RANGE_M)
     first_m = rng.uniform(-half_m, half_m)
     second_m = rng.uniform(-1.0, 1.0) * (half_m - abs(first_m))
     start, turn, direction = rng.uniform(-np.pi, np.pi), rng.uniform(-np.pi, np.pi), rng.choice((-1.0, 1.0))
     range_m = LEAST_RANGE_M + half_m + first_m * np.cos(angle - turn) + second_m * np.cos(2.0 * angle)
-    around = start + direction * angle
-    way_m = centre_m + range_m[:, np.newaxis] * np.column_stack([np.cos(around), np.sin(around)])
-    plan_m = centre_m[np.newaxis]
-    while n_sources > 1:
+    path_m = centre_m + _from_polar(range_m, start + direction * angle)
+    plan_m = np.tile(centre_m, (n_sources, 1))
+    while n_sources > 1 and pdist(plan_m).min() < LEAST_APART_M:
         from_centre_m = SOURCES_WITHIN_M * np.sqrt(rng.random(n_sources))
-        towards = rng.uniform(-np.pi, np.pi, n_sources)
-        plan_m = centre_m + from_centre_m[:, np.newaxis] * np.column_stack([np.cos(towards), np.sin(towards)])
-        apart_m = np.linalg.norm(plan_m[:, np.newaxis] - plan_m, axis=-1) + 100.0 * np.eye(n_sources)
-        if apart_m.min() >= LEAST_APART_M:
-            break
-    sources_m = np.column_stack([plan_m, rng.uniform(*HEIGHTS_M, n_sources)])
-    return sources_m, _driven(way_m)
+        plan_m = centre_m + _from_polar(from_centre_m, rng.uniform(-np.pi, np.pi, n_sources))
+    return np.column_stack([plan_m, rng.uniform(*HEIGHTS_M, n_sources)]), _driven(path_m)
 
 
-def _driven(way_m: FloatArray) -> FloatArray:
+def _from_polar(radius_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    return radius_m[:, np.newaxis] * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
+
+
+def _driven(path_m: FloatArray) -> FloatArray:
     """Return poses (n_steps, 3) at each control step on a closed path (n, 2), heading along it."""
-    closed_m = np.concatenate([way_m, way_m[:1]])
+    closed_m = np.concatenate([path_m, path_m[:1]])
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed_m, axis=0), axis=-1))])
     at_m = np.arange(0.0, along_m[-1], SPEED_MPS * STEP_S)
-    ahead = (np.interp(at_m + 1e-2, along_m, axis) - np.interp(at_m, along_m, axis) for axis in closed_m.T)
     x, y = (np.interp(at_m, along_m, axis) for axis in closed_m.T)
-    by_x, by_y = ahead
-    return np.column_stack([x, y, np.arctan2(by_y, by_x)])
+    return np.column_stack([x, y, np.arctan2(np.gradient(y), np.gradient(x))])
 
 
-def _believed(true_pose: FloatArray, scenario: Scenario, rng: np.random.Generator) -> FloatArray:
+def _measured(true_pose: FloatArray, scenario: Scenario, rng: np.random.Generator) -> FloatArray:
     """Simulate the pose sensor; shape (n_steps, 3)."""
     sensor = scenario.pose_sensor
     pose, error = np.empty_like(true_pose), np.full(3, np.nan)

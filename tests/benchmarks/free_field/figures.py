@@ -23,7 +23,7 @@ NUDGE_M = 1e-4
 """Step of the finite differences in the bound."""
 
 
-class Fixes(NamedTuple):
+class ScoredCases(NamedTuple):
     """Errors of the finding with the most pulses in each case, NaN without a finding.
 
     Attributes:
@@ -54,8 +54,8 @@ def locate(case: Case, rules: LocatingRules | None = None) -> tuple[Finding, ...
     return locator.refit(STEP_S * len(case.pose))
 
 
-def fixes(cases: list[tuple[Case, tuple[Finding, ...]]]) -> Fixes:
-    """Return the errors of cases of one source."""
+def compare_with_truth(cases: list[tuple[Case, tuple[Finding, ...]]]) -> ScoredCases:
+    """Compare the findings of cases of one source with the truth."""
     miss_m, is_inside, n_false = [], [], []
     for case, findings in cases:
         best = max(findings, key=lambda finding: finding.n_bearings, default=None)
@@ -63,7 +63,7 @@ def fixes(cases: list[tuple[Case, tuple[Finding, ...]]]) -> Fixes:
         miss_m.append(np.linalg.norm(miss))
         is_inside.append(best is not None and is_inside95(miss, best.covariance_m2[:2, :2]))
         n_false.append(max(len(confirmed(findings)) - 1, 0))
-    return Fixes(np.array(miss_m), np.array(is_inside), np.array(n_false))
+    return ScoredCases(np.array(miss_m), np.array(is_inside), np.array(n_false))
 
 
 def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:

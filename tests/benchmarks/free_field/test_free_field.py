@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.missions.sweep.analysis import Estimate, wilson
 from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
-from tests.benchmarks.free_field.figures import Fixes, confirmed, fixes, locate, ospa_m, position_bound
+from tests.benchmarks.free_field.figures import (
+    ScoredCases,
+    compare_with_truth,
+    confirmed,
+    locate,
+    ospa_m,
+    position_bound,
+)
+from tests.benchmarks.shares import few_or_many, share
 
 FEW, FEW_WILD = 4, 16
 """Numbers of cases in the short run; wild bearings affect only some cases, and need more of them."""
@@ -21,59 +28,42 @@ WILD_SHARE = 0.3
 ALL_PULSES = LocatingRules(max_pulses=2000)
 """Rules for cases in which noise is the only error, so that every pulse contributes."""
 
-few_or_many = pytest.mark.parametrize(
-    "n_cases", [pytest.param(FEW, marks=pytest.mark.whole), pytest.param(MANY, marks=pytest.mark.slow)]
-)
-
 
 @lru_cache
-def shipped(n_cases: int) -> Fixes:
+def shipped(n_cases: int) -> ScoredCases:
     """Locate the sources of cases with the shipped errors of array and pose."""
-    return fixes([(case, locate(case)) for case in map(draw_case, range(n_cases))])
+    return compare_with_truth([(case, locate(case)) for case in map(draw_case, range(n_cases))])
 
 
-def percent(share: Estimate) -> str:
-    return f"{100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f})"
-
-
-@few_or_many
+@few_or_many(FEW, MANY)
 def test_source_in_the_free_field_lies_in_its_ellipse(n_cases: int) -> None:
     found = shipped(n_cases)
-    near = wilson(int((found.miss_m <= 0.30).sum()), n_cases)
-    inside = wilson(int(found.is_inside.sum()), n_cases)
-    print(
-        f"\n{n_cases} cases: median {np.median(found.miss_m):.3f} m, "
-        f"95 % below {np.quantile(found.miss_m, 0.95):.3f} m; "
-        f"within 0.30 m {percent(near)}, in the ellipse {percent(inside)}"
-    )
+    print(f"\nmedian {np.median(found.miss_m):.3f} m, 95 % below {np.quantile(found.miss_m, 0.95):.3f} m")
+    near = share("within 0.30 m", int((found.miss_m <= 0.30).sum()), n_cases)
+    inside = share("in the ellipse", int(found.is_inside.sum()), n_cases)
     assert np.median(found.miss_m) <= 0.10
     assert near.high >= 0.95
     assert inside.high >= 0.92
     assert inside.low <= 0.98
 
 
-@pytest.mark.parametrize(
-    "n_cases", [pytest.param(FEW_WILD, marks=pytest.mark.whole), pytest.param(MANY, marks=pytest.mark.slow)]
-)
+@few_or_many(FEW_WILD, MANY)
 def test_wild_bearings_raise_the_median_by_half_at_most(n_cases: int) -> None:
     cases = (with_wild_bearings(draw_case(seed), WILD_SHARE, seed) for seed in range(n_cases))
-    wild, clean = fixes([(case, locate(case)) for case in cases]), shipped(n_cases)
+    wild, clean = compare_with_truth([(case, locate(case)) for case in cases]), shipped(n_cases)
     ratio = float(np.median(np.nan_to_num(wild.miss_m, nan=np.inf)) / np.median(clean.miss_m))
-    inside = wilson(int(wild.is_inside.sum()), n_cases)
-    false = wilson(int((wild.n_false > 0).sum()), n_cases)
-    print(
-        f"\n{n_cases} cases, 30 % wild: median {np.median(wild.miss_m):.3f} m, {ratio:.2f} times that of clean ones; "
-        f"in the ellipse {percent(inside)}, with a false finding {percent(false)}"
-    )
+    print(f"\n30 % wild: median {np.median(wild.miss_m):.3f} m, {ratio:.2f} times that of clean ones")
+    share("in the ellipse", int(wild.is_inside.sum()), n_cases)
+    share("with a false finding", int((wild.n_false > 0).sum()), n_cases)
     assert ratio <= 1.5
 
 
-@few_or_many
+@few_or_many(FEW, MANY)
 def test_error_by_noise_is_near_the_bound(n_cases: int) -> None:
     square_m2, bound_m2 = np.empty(n_cases), np.empty(n_cases)
     for seed in range(n_cases):
         case = draw_case(seed, is_exact=True)
-        square_m2[seed] = fixes([(case, locate(case, ALL_PULSES))]).miss_m[0] ** 2
+        square_m2[seed] = compare_with_truth([(case, locate(case, ALL_PULSES))]).miss_m[0] ** 2
         bound_m2[seed] = np.trace(position_bound(case))
     over_bound = np.sqrt(np.mean(square_m2 / bound_m2))
     print(
@@ -92,9 +82,7 @@ def test_number_of_sources_is_right(n_sources: int, least: float) -> None:
         findings = locate(case)
         n_right += len(confirmed(findings)) == n_sources
         apart_m.append(ospa_m(case, findings))
-    right = wilson(n_right, n_cases)
-    print(
-        f"\n{n_sources} sources, {n_cases} cases: number right {percent(right)}, median OSPA {np.median(apart_m):.3f} m"
-    )
+    print(f"\n{n_sources} sources: median OSPA {np.median(apart_m):.3f} m")
+    right = share("number right", n_right, n_cases)
     assert right.high >= least
     assert np.median(apart_m) <= 0.10

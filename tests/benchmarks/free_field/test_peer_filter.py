@@ -13,7 +13,7 @@ from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.simulation import STEP_S
 from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
-from tests.benchmarks.free_field.figures import credible, fixes, locate
+from tests.benchmarks.free_field.figures import compare_with_truth, credible, locate
 
 BEARINGS = LocatingRules(solver="bearings")
 N_CASES = 40
@@ -71,7 +71,7 @@ def test_positions_are_no_worse_than_those_of_a_peer() -> None:
         case = draw_case(seed)
         lines = sight_lines(case)
         for column, rules in enumerate((LocatingRules(), BEARINGS)):
-            misses_m[seed, column] = fixes([(case, locate(case, rules))]).miss_m[0]
+            misses_m[seed, column] = compare_with_truth([(case, locate(case, rules))]).miss_m[0]
         for column, place_m in ((2, triangulate(*lines[1:]).position_m), (3, peer_position(lines))):
             misses_m[seed, column] = np.linalg.norm(place_m - case.sources_m[0, :2])
     joint, by_bearings, _, peer = medians_m = np.median(misses_m, axis=0)

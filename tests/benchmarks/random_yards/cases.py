@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from pdpatrol.envs.random_yard import random_source, random_yard
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import ScoredSource
+from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.runner import Mission
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -39,35 +38,14 @@ BUSHING_M = 3.0
 """Height above which a source counts as a source on a bushing."""
 
 
-class Outcome(NamedTuple):
-    """Result of a mission.
-
-    Attributes:
-        sources: Sources of the evaluation, each with its matched finding.
-        false_findings: Confirmed findings without a source.
-        ospa_m: Distance between findings and sources as sets.
-        contacts: Number of contacts.
-        n_pulses: Number of detected pulses.
-    """
-
-    sources: tuple[ScoredSource, ...]
-    false_findings: int
-    ospa_m: float
-    contacts: int
-    n_pulses: int
-
-    @property
-    def is_all_found(self) -> bool:
-        """True if each source has a confirmed finding within a metre."""
-        return all(source.match is not None and source.match.error_m < 1.0 for source in self.sources)
+def run_case(scenario: Scenario, policy: str, seed: int) -> Report:
+    """Run a mission and return its report."""
+    return make_report(Mission(scenario, policy, seed).run(), 0.0)
 
 
-def run_case(scenario: Scenario, policy: str, seed: int) -> Outcome:
-    """Run a mission and evaluate it."""
-    log = Mission(scenario, policy, seed).run()
-    report = make_report(log, 0.0)
-    scores = report.scores
-    return Outcome(scores.sources, scores.false_findings, scores.ospa_m, report.collisions, log.n_rows("pulse"))
+def is_all_found(report: Report) -> bool:
+    """Return True if each source has a confirmed finding within a metre."""
+    return all(source.match is not None and source.match.error_m < 1.0 for source in report.scores.sources)
 
 
 def planned(seed: int) -> Scenario:

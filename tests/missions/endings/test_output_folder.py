@@ -1,13 +1,12 @@
 """Output folders: never shared by two processes, and never overwritten. Files: complete or not there."""
 
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from pdpatrol.missions.atomic_file import atomic_file, write_text
+from tests.processes import start_python
 
 pytestmark = pytest.mark.whole
 
@@ -23,19 +22,6 @@ with output_folder(Path(sys.argv[1]) if sys.argv[1] else None, "name") as folder
 """
 
 
-def reserve(folder: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]:
-    """Start a process that reserves a folder until its standard input is closed."""
-    return subprocess.Popen(
-        [sys.executable, "-c", RESERVES, folder, *arguments],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def refusal(process: subprocess.Popen[str]) -> str:
     """Return the one line of a refusal."""
     _, errors = process.communicate()
@@ -47,7 +33,7 @@ def refusal(process: subprocess.Popen[str]) -> str:
 @pytest.mark.parametrize("n_pairs", [3, pytest.param(50, marks=pytest.mark.slow)])
 def test_one_of_two_processes_gets_the_folder(n_pairs: int, tmp_path: Path) -> None:
     for k in range(n_pairs):
-        pair = [reserve(f"folder_{k}", "keep", cwd=tmp_path) for _ in range(2)]
+        pair = [start_python(RESERVES, f"folder_{k}", "keep", cwd=tmp_path) for _ in range(2)]
         results = [process.communicate() for process in pair]
         assert sorted(process.returncode for process in pair) == [0, 2], results
         assert [path.name for path in (tmp_path / f"folder_{k}").iterdir()] == ["kept"]
@@ -55,12 +41,12 @@ def test_one_of_two_processes_gets_the_folder(n_pairs: int, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("is_killed", [False, True])
 def test_reserved_folder_is_refused_and_removed_if_empty(is_killed: bool, tmp_path: Path) -> None:
-    first = reserve("folder", cwd=tmp_path)
+    first = start_python(RESERVES, "folder", cwd=tmp_path)
     assert first.stdout is not None
     assert first.stdout.readline() == "folder\n"
     if is_killed:
         first.kill()
-    line = refusal(reserve("folder", cwd=tmp_path))
+    line = refusal(start_python(RESERVES, "folder", cwd=tmp_path))
     assert "folder must be a new or empty folder, which no other command writes to" in line
     first.communicate()
     assert (tmp_path / "folder").exists() == is_killed
@@ -69,16 +55,16 @@ def test_reserved_folder_is_refused_and_removed_if_empty(is_killed: bool, tmp_pa
 def test_empty_folder_is_kept_and_a_full_one_refused(tmp_path: Path) -> None:
     folder = tmp_path / "o[1]x[old] :smile: \n\x1b[31m"
     folder.mkdir()
-    reserve(folder.name, cwd=tmp_path).communicate()
+    start_python(RESERVES, folder.name, cwd=tmp_path).communicate()
     assert list(folder.iterdir()) == []
     (folder / "file").touch()
-    line = refusal(reserve(folder.name, cwd=tmp_path))
+    line = refusal(start_python(RESERVES, folder.name, cwd=tmp_path))
     assert line == "--out: o[1]x[old] :smile: \\n\\x1b[31m must be a new or empty folder"
     assert [path.name for path in folder.iterdir()] == ["file"]
 
 
 def test_default_folders_are_numbered(tmp_path: Path) -> None:
-    some = [reserve("", "keep", cwd=tmp_path) for _ in range(3)]
+    some = [start_python(RESERVES, "", "keep", cwd=tmp_path) for _ in range(3)]
     assert [process.communicate()[1] for process in some] == ["", "", ""]
     assert {path.name for path in (tmp_path / "runs").iterdir()} == {"name", "name-2", "name-3"}
 
@@ -95,8 +81,7 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     write_text(path, "before")
     with pytest.raises(ZeroDivisionError):
         fail_while_writing(path)
-    assert [each.name for each in tmp_path.iterdir()] == ["file.txt"]
-    assert path.read_text() == "before"
+    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [("file.txt", "before")]
 
 
 def test_error_names_the_file_and_not_its_temporary(tmp_path: Path) -> None:

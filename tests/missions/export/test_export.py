@@ -22,6 +22,7 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from tests.missions.steps import append_step
+from tests.processes import pdpatrol
 
 PLACE = {"latitude_deg": 51.5, "longitude_deg": 7.4, "heading_deg": 20.0}
 
@@ -44,13 +45,13 @@ def folder(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def read(path: Path) -> dict[str, list[tuple[int, Any]]]:
     """Return times and contents of the messages of each topic of an MCAP file, whose messages are in order of time."""
     messages: dict[str, list[tuple[int, Any]]] = {}
+    last_ns = 0
     with path.open("rb") as file:
-        decoded = list(
-            make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(log_time_order=False)
-        )
-    for _, channel, message, content in decoded:
-        messages.setdefault(channel.topic, []).append((message.log_time, content))
-    assert (np.diff([message.log_time for _, _, message, _ in decoded]) >= 0).all()
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, message, content in reader.iter_decoded_messages(log_time_order=False):
+            assert message.log_time >= last_ns
+            last_ns = message.log_time
+            messages.setdefault(channel.topic, []).append((message.log_time, content))
     return messages
 
 
@@ -146,8 +147,16 @@ def test_recording_begins_on_the_date_or_in_unix_time(start_s: float, tmp_path: 
     assert poses[1][1].header.stamp.sec == expected_s + 90
 
 
-def test_field_data_are_exported_without_truth(tmp_path: Path) -> None:
-    written = export_mission(field_log(1.0), tmp_path)
-    assert "findings.geojson" not in written
-    assert read(tmp_path / "mission.mcap").keys() == {"/yard", "/tf", "/pose"}
-    assert pq.read_table(tmp_path / "steps.parquet")["true_x_m"].null_count == 1
+@pytest.mark.whole
+def test_field_data_are_exported_without_truth_and_map(tmp_path: Path) -> None:
+    folder = tmp_path / "a survey ü"
+    folder.mkdir()
+    field_log(1.0).save(folder)
+    done = pdpatrol("export", folder.name, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == "note: no findings.geojson, as the scenario has no table [georeference]\n"
+    names = {"findings.csv", "steps.parquet", "pulses.parquet", "mission.mcap"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert all(name in done.stdout for name in names)
+    assert read(tmp_path / "out" / "mission.mcap").keys() == {"/yard", "/tf", "/pose"}
+    assert pq.read_table(tmp_path / "out" / "steps.parquet")["true_x_m"].null_count == 1

@@ -1,6 +1,7 @@
 """Surveys for tests: the shipped example, and simulated tables of strengths."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from dirmusic import ElementSpread, PoseError
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
+from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report
 from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
@@ -58,7 +60,12 @@ def write(path: Path, rows: list[list[float]]) -> Path:
     return path
 
 
+def log_of_table(table: Path, *, noise_v: float | None = None, **options: Any) -> MissionLog:  # noqa: ANN401
+    """Return the log of a table; `options` are those of `locate_field_data`."""
+    data = read_field_data(table, noise_v=noise_v)
+    return locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, **options)
+
+
 def locate(table: Path, *, noise_v: float | None = NOISE_V, fence_m: tuple[float, float] | None = None) -> Report:
     """Return the report of a table."""
-    data = read_field_data(table, noise_v=noise_v)
-    return make_report(locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, fence_m=fence_m), 0.0)
+    return make_report(log_of_table(table, noise_v=noise_v, fence_m=fence_m), 0.0)

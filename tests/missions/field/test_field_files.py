@@ -1,6 +1,5 @@
 """Files of field data: formats that mean the same, unusual units, and every way a file can be wrong."""
 
-import zipfile
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -10,10 +9,10 @@ import pytest
 
 from dirmusic import InputFileError, InputFileWarning
 from pdpatrol.missions.field import field_data
-from pdpatrol.missions.field.field_data import doubts, read_field_data
+from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.report.make_report import make_report
-from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD, locate
 from tests.missions.files import hostile
 
 TEXT = EXAMPLE.read_text(encoding="utf-8")
@@ -72,8 +71,7 @@ def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
     [
         (None, "cannot be read: No such file"),
         (hostile.bomb(), "must be an .npz archive"),
-        (npz(sample_rate_hz=[20e9, 20e9]), "must be an .npz archive"),
-        (hostile.packed({"x": np.ones(3)}, zipfile.ZIP_LZMA), "must be an .npz archive .*'waveforms is not a file"),
+        (hostile.packed({"x": np.ones(3)}), "must be an .npz archive .*'waveforms is not a file"),
         (hostile.packed({"waveforms": np.zeros(80_000_000)}), "must have at most 512 MB"),
         (npz(waveforms=np.ones(5)), r"waveforms must be numbers .* got float64 of shape \(5,\)"),
         (hostile.packed({"waveforms": np.ones((6, 400), int), "sample_rate_hz": np.array(2e10)}), "volts_per_count"),
@@ -82,7 +80,7 @@ def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
         (npz(waveforms=np.ones((2, 400))), "must have 3 to 32 channels .* got 2 channels"),
         (npz(waveforms=np.ones((6, 50))), "the gate must have 4 to 50 samples; --gate-ns 4.5 is 90"),
     ],
-    ids=range(11),
+    ids=range(10),
 )
 def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, message: str) -> None:
     if data is not None:
@@ -96,8 +94,7 @@ def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, m
 
 
 def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
-    rows = [f"{k / 20e9:.4e},nan,nan,nan" for k in range(200)]
-    (tmp_path / "w.csv").write_text("\n".join(["time_s,channel_1,channel_2,channel_3", *rows]))
+    (tmp_path / "w.csv").write_text("time_s,channel_1,channel_2,channel_3\n" + "0,nan,nan,nan\n" * 200)
     with pytest.raises(InputFileError, match=r"line 2: waveform w.csv: line 2: channel_1 must be a number") as refused:
         read_field_data(table_of(tmp_path, "w.csv", n_rows=3))
     assert len(refused.value.faults) == 1
@@ -107,25 +104,20 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (f"{HEADER}\n0,0,0,0,1,2\n", "Expected 7 columns, got 6"),
-        (f"{HEADER}\n0,0,0,0,1,2,x\n", "In CSV column #6: Row #1: .* invalid value 'x'"),
+        (f"{HEADER}\n0,0,0,0,1,2,x\n", "invalid value 'x'"),
         (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3 must be a number from 0 to 1e.06 V, got nan"),
         (f"{HEADER}\n1e300,0,0,0,1,2,3\n", r"line 2: time_s must be a number from -5e.09 to 5e.09 s, got 1e\+300"),
         (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s must not decrease: 0 is followed by -1"),
         (f"{HEADER}\n0,0,0,0,0,0,0\n", "must have 3 or more channels with a signal, got 0"),
         (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "column phase is unknown"),
         (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "column std_2, std_3 is missing"),
-        (f"{HEADER},waveform\n0,0,0,0,1,2,3,w.npz\n", "column waveform is unknown"),
-        ("time_s,x_m,yaw_deg,strength_1,strength_2,strength_3\n0,0,0,1,1,1\n", "column y_m is missing"),
-        (
-            "time_s,x_m,y_m,yaw_deg,strength_1,strength_2\n0,0,0,0,1,1\n",
-            "must have 3 to 32 columns of strengths, got 2",
-        ),
+        (f"{HEADER[:-11]}\n0,0,0,0,1,1\n", "must have 3 to 32 columns of strengths, got 2"),
         (f"{HEADER},x_m\n0,0,0,0,1,2,3,4\n", "names are unique and not empty"),
         (f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n', "CSV|quoted"),
         (TEXT.encode("utf-16"), "must be UTF-8 text"),
         ("", "must have a header and at least one row"),
     ],
-    ids=range(15),
+    ids=range(13),
 )
 def test_wrong_table_is_refused_in_one_line(tmp_path: Path, text: str | bytes, message: str) -> None:
     (tmp_path / "t.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -161,12 +153,6 @@ def test_other_units_are_noted(tmp_path: Path, column: str, factor: float, messa
     assert message in note
 
 
-@pytest.mark.parametrize("yaw_deg", [np.zeros(100), np.linspace(-1, 1, 100), np.linspace(-180, 180, 100)], ids=range(3))
-def test_usual_poses_raise_no_doubt(yaw_deg: np.ndarray) -> None:
-    pose = np.column_stack([2.0 * np.arange(100.0), np.full(100, 5.0), np.radians(yaw_deg)])
-    assert doubts(pose) == []
-
-
 def test_rejected_pulses_are_explained() -> None:
     data = read_field_data(EXAMPLE)
     scrambled = array_model(data, SPREAD, None, (90.0, -150.0, 30.0, -90.0, 150.0, -30.0))
@@ -176,15 +162,10 @@ def test_rejected_pulses_are_explained() -> None:
 
 def test_pooled_poses_locate_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = with_column(tmp_path / "t.csv", "time_s", lambda k, time_s: time_s + 0.01 * (k % 6))
-    single = read_field_data(table)
+    (single,) = locate(table, noise_v=None).findings
     monkeypatch.setattr(field_data, "MAX_STEPS", 20)
-    pooled = read_field_data(table)
-    assert single.notes == ()
-    assert pooled.notes == ("84 times and poses were pooled into 14: within 1 s, 0.1 m and 2 degrees",)
-    np.testing.assert_array_equal(pooled.strengths_v, single.strengths_v)
-    findings = []
-    for data in (single, pooled):
-        log = locate_field_data(data, array_model(data, SPREAD), POSE_ERROR)
-        findings += make_report(log, 0.0).findings
-    apart_m = np.linalg.norm(np.subtract(*(finding.position_m for finding in findings))[:2])
-    assert apart_m < 0.1 * findings[0].ellipse95.semi_major_m
+    (note,) = read_field_data(table).notes
+    assert note == "84 times and poses were pooled into 14: within 1 s, 0.1 m and 2 degrees"
+    (pooled,) = locate(table, noise_v=None).findings
+    apart_m = np.linalg.norm(np.subtract(single.position_m, pooled.position_m)[:2])
+    assert apart_m < 0.1 * single.ellipse95.semi_major_m

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.sweep.dataset import Dataset
-from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.field.surveys import EXAMPLE, log_of_table
 from tests.missions.files import hostile
 from tests.processes import pdpatrol, refusal
 
@@ -22,8 +20,7 @@ from tests.processes import pdpatrol, refusal
 @pytest.fixture(scope="module")
 def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mission")
-    data = read_field_data(EXAMPLE)
-    log = locate_field_data(data, array_model(data, SPREAD), POSE_ERROR)
+    log = log_of_table(EXAMPLE)
     log.save(folder)
     write_recording(log, folder / "mission.rrd")
     return folder

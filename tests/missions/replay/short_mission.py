@@ -1,16 +1,13 @@
-"""Missions that end after some seconds, and the command line."""
-
-import os
-import subprocess
-from pathlib import Path
+"""Missions that end after some seconds, and copies of their logs."""
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.runner import Mission
-from tests.processes import PDPATROL
 
 
-def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) -> MissionLog:
+def short_mission(
+    end_s: float = 8.0, seed: int = 0, date: str | None = None, scenario: str = "one_source"
+) -> MissionLog:
     """Run a mission that is ended early."""
     settings = {} if date is None else {"campaign.date": date}
 
@@ -18,7 +15,7 @@ def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) ->
         if mission.time_s > end_s:
             mission.end("interrupted")
 
-    return Mission(load_scenario("one_source", settings), "seek", seed).run(end_early)
+    return Mission(load_scenario(scenario, settings), "seek", seed).run(end_early)
 
 
 def copy_of(log: MissionLog, *tables: str, n_steps: int | None = None, **meta: object) -> MissionLog:
@@ -29,15 +26,3 @@ def copy_of(log: MissionLog, *tables: str, n_steps: int | None = None, **meta: o
         for row in zip(*columns.values(), strict=True):
             copy.append(table, **dict(zip(columns, row, strict=True)))
     return copy
-
-
-def without_screen() -> dict[str, str]:
-    """Return the environment of a machine without a screen."""
-    return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-
-
-def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the command without a screen."""
-    return subprocess.run(
-        [PDPATROL, *arguments], cwd=cwd, env=without_screen(), capture_output=True, text=True, timeout=120
-    )

@@ -22,33 +22,16 @@ def log_of(*phases: Phase) -> MissionLog:
     return log
 
 
-def add_candidate(log: MissionLog, step: int, number: int = 3, state: str = "candidate") -> None:
-    uncertain = {"covariance_m2": np.diag([0.8, 0.04, 0.09]), "aperture_rad": np.radians(20.0)}
-    add_finding(log, step, number, state, (18.0, 5.0, 1.5), **uncertain)
-
-
-def status_texts(log: MissionLog, folder: Path) -> dict[int | None, str]:
-    return {step: text for step, (text,) in recorded(log, folder)["mission/status"]["text"].items()}
-
-
-def test_status_states_phase_and_candidates(tmp_path: Path) -> None:
+def test_status_states_phase_and_candidates_without_ghosts(tmp_path: Path) -> None:
     log = log_of(Phase("seek", 3), Phase("listen"))
-    add_candidate(log, 4)
-    text = status_texts(log, tmp_path)[4]
-    assert "### Approaches candidate 3" in text
-    assert "| **candidate 3** | 18.0, 5.0 | 1.5 m | 2.19 m | 20° |" in text
-
-
-def test_status_lists_no_ghosts(tmp_path: Path) -> None:
-    log = log_of(Phase("patrol", 1), Phase("listen"))
-    add_candidate(log, 1)
-    add_candidate(log, 1, 4, "confirmed")
-    add_candidate(log, 5, state="ghost")
-    add_candidate(log, 5, 4, "confirmed")
-    texts = status_texts(log, tmp_path)
-    assert "candidate 3" in texts[4]
-    assert "candidate 3" not in texts[9]
-    assert "**finding 4**" in texts[9]
+    for step, state in ((4, "candidate"), (15, "ghost")):
+        add_finding(log, step, 3, state, (18.0, 5.0, 1.5), covariance_m2=np.diag([0.8, 0.04, 0.09]))
+        add_finding(log, step, 4, "confirmed", (10.0, 15.0, 1.5))
+    texts = {step: text for step, (text,) in recorded(log, tmp_path)["mission/status"]["text"].items()}
+    assert "### Approaches candidate 3" in texts[4]
+    assert "| **candidate 3** | 18.0, 5.0 | 1.5 m | 2.19 m | 17° |" in texts[4]
+    assert "candidate 3" not in texts[19]
+    assert "**finding 4**" in texts[19]
 
 
 def test_outcome_states_site_and_kind(tmp_path: Path) -> None:

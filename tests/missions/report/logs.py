@@ -5,10 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from dirmusic import GainManifold
-from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
-from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.field.surveys import EXAMPLE, log_of_table
 from tests.missions.replay.short_mission import copy_of
 from tests.missions.test_phase_patterns import log_of_two_findings
 
@@ -34,12 +32,6 @@ def killed_log() -> MissionLog:
     return copy_of(two_findings(), "step", "pulse", "bearing", "finding")
 
 
-def field_log() -> MissionLog:
-    """Return the log of the example of field data."""
-    data = read_field_data(EXAMPLE)
-    return locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, date="2026-03-02")
-
-
 def add_finding(
     log: MissionLog, step: int, number: int, state: str, position_m: tuple[float, ...], **row: object
 ) -> None:
@@ -56,5 +48,5 @@ LOGS: dict[str, Callable[[], MissionLog]] = {
     "no_mains": lambda: two_findings(mains=False),
     "killed": killed_log,
     "empty": empty_log,
-    "field": field_log,
+    "field": lambda: log_of_table(EXAMPLE, date="2026-03-02"),
 }

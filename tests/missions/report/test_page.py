@@ -13,7 +13,8 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.page import report_page
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import ADVICE_LIMITS
-from pdpatrol.missions.runner import Mission, run_mission
+from pdpatrol.missions.runner import run_mission
+from tests.missions.replay.short_mission import short_mission
 from tests.missions.report.logs import LOGS, add_finding, two_findings
 from tests.missions.report.page_reader import PageReader
 
@@ -23,12 +24,7 @@ HOSTILE = '<script>alert(1)</script>"; } @import url(http://a.b/c); <img src=htt
 @pytest.fixture(scope="module")
 def mission() -> MissionLog:
     """Run thirty seconds of a mission, which find one of its sources."""
-
-    def end_early(mission: Mission) -> None:
-        if mission.time_s >= 30.0 and not mission.is_over:
-            mission.end("interrupted")
-
-    return run_mission(load_scenario("two_sources"), "seek", seed=1, after_step=end_early)
+    return short_mission(30.0, seed=1, scenario="two_sources")
 
 
 def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
@@ -50,6 +46,7 @@ PAGES: dict[str, Callable[[], MissionLog]] = {**LOGS, "hostile": hostile_log}
 @pytest.mark.parametrize("name", PAGES)
 def test_page_is_well_formed_and_loads_nothing(name: str) -> None:
     _, page = report_and_page(PAGES[name]())
+    assert page.text.count("<script>alert(1)</script>") >= (5 if name == "hostile" else 0)
     assert page.errors == []
     assert not {"script", "iframe", "link", "object", "embed"} & {tag for tag, _ in page.elements}
     assert len(page.ids) == len(set(page.ids))
@@ -62,20 +59,13 @@ def test_page_is_well_formed_and_loads_nothing(name: str) -> None:
             assert link.startswith("data:image/svg+xml;base64,") if tag == "img" else link[1:] in page.ids
 
 
-def test_page_shows_foreign_names_as_text() -> None:
-    _, page = report_and_page(hostile_log())
-    assert page.text.count("<script>alert(1)</script>") >= 5
-
-
-def test_page_has_a_section_for_each_finding(mission: MissionLog) -> None:
+def test_page_has_a_section_and_a_picture_for_each_finding(mission: MissionLog) -> None:
     report, page = report_and_page(mission)
-    table = mission.table("finding")
-    ids = table["id"][(table["step"] == table["step"][-1]) & (table["state"] == "confirmed")].tolist()
-    assert ids == [finding.id for finding in report.findings]
-    assert ids
-    assert [name for name in page.ids if name.startswith("finding-")] == [f"finding-{number}" for number in ids]
+    assert report.findings
+    numbers = [str(finding.id) for finding in report.findings]
+    assert [name for name in page.ids if name.startswith("finding-")] == [f"finding-{number}" for number in numbers]
     pictures = [attributes["alt"] or "" for tag, attributes in page.elements if tag == "img"]
-    assert [picture.rpartition(" ")[2] for picture in pictures[1:]] == [str(number) for number in ids]
+    assert [picture.rpartition(" ")[2] for picture in pictures[1:]] == numbers
 
 
 def test_page_states_what_an_operator_needs(mission: MissionLog) -> None:

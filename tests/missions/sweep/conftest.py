@@ -28,7 +28,10 @@ class Eats(Stands):
             eaten.append(bytearray(10_000_000))
 
 class Dies(Stands):
-    def __call__(self, observation, findings, site_map): os._exit(7)
+    def __call__(self, observation, findings, site_map):
+        with open("deaths", "a") as file:
+            file.write("died ")
+        os._exit(7)
 """
 
 

@@ -15,7 +15,6 @@ from pdpatrol.missions.sweep.analysis import (
     difference,
     pair_up,
     percentage_of,
-    root_mean_square,
     wilson,
 )
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
@@ -60,12 +59,12 @@ def test_share_of_independent_trials_has_wilson_interval() -> None:
     assert clustered_share([3, 3], [3, 3]) == pytest.approx(wilson(2, 2))  # a cluster counts once
 
 
-def test_too_few_clusters_have_no_interval() -> None:
-    assert np.isnan(clustered_share([0], [0])).all()
+def test_too_few_values_have_no_interval() -> None:
+    one_pair = difference("OSPA (m)", np.array([[0.1, 0.3]]))
+    assert np.isnan(one_pair.change.low)
+    assert one_pair.p == 1.0
     assert np.isnan(cluster_bootstrap([[], [np.nan]], np.nanmedian)).all()
-    assert cluster_bootstrap([[], [3.0, 4.0]], root_mean_square) == pytest.approx(
-        (12.5**0.5, np.nan, np.nan), nan_ok=True
-    )
+    assert np.isnan(cluster_bootstrap([[], [3.0, 4.0]], np.nanmedian).low)
 
 
 def make_dataset(folder: Path, penalty_m: float) -> Dataset:
@@ -77,13 +76,10 @@ def make_dataset(folder: Path, penalty_m: float) -> Dataset:
     for job in plan.jobs:
         worse = (job.policy == "patrol") + (job.settings["receiver.noise_v"] > 1e-3)
         error_m = float(errors_m[job.seed] + worse * penalty_m)
-        found = error_m < 0.2
-        row = MissionRow.of_failure(job, "finished", "")
-        dataset.write(
-            row._replace(
-                n_sources=1, n_found=int(found), errors_m=(error_m,) if found else (), ospa_m=error_m if found else 2.0
-            )
-        )
+        row = MissionRow.of_failure(job, "finished", "")._replace(n_sources=1, ospa_m=2.0)
+        if error_m < 0.2:
+            row = row._replace(n_found=1, errors_m=(error_m,), ospa_m=error_m)
+        dataset.write(row)
     return dataset
 
 
@@ -96,15 +92,19 @@ def test_intervals_over_yards_are_wider_than_over_missions() -> None:
     assert over_yards.low < 10.0
 
 
-def test_a_side_does_not_differ_from_itself(tmp_path: Path) -> None:
-    dataset = make_dataset(tmp_path / "out", 0.02)
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return make_dataset(tmp_path_factory.mktemp("sweep") / "a", 0.02)
+
+
+def test_a_side_does_not_differ_from_itself(dataset: Dataset) -> None:
     for each in compare(*pair_up(dataset.read(), "seek", "seek")):
         assert (each.change, each.p, each.first) == ((0.0, 0.0, 0.0), 1.0, each.second)
 
 
 @pytest.mark.parametrize("sides", [("seek", "patrol"), ("receiver.noise_v=0.001", "receiver.noise_v=2e-3")])
-def test_difference_smaller_than_the_spread_is_found(sides: tuple[str, str], tmp_path: Path) -> None:
-    first, second = pair_up(make_dataset(tmp_path / "out", 0.02).read(), *sides)
+def test_difference_smaller_than_the_spread_is_found(sides: tuple[str, str], dataset: Dataset) -> None:
+    first, second = pair_up(dataset.read(), *sides)
     assert len(first) == 2 * N_SEEDS
     assert first["seed"].tolist() == second["seed"].tolist()
     error = next(each for each in compare(first, second) if each.name == "error (m)")
@@ -113,14 +113,11 @@ def test_difference_smaller_than_the_spread_is_found(sides: tuple[str, str], tmp
     assert error.p < 0.001
 
 
-def test_two_datasets_are_paired_by_mission(tmp_path: Path) -> None:
-    rows, _ = make_dataset(tmp_path / "a", 0.02).read(), make_dataset(tmp_path / "b", 0.05)
-    first, second = pair_up(rows, str(tmp_path / "a"), str(tmp_path / "b"))
+def test_two_datasets_are_paired_by_mission(dataset: Dataset, tmp_path: Path) -> None:
+    make_dataset(tmp_path / "b", 0.05)
+    first, second = pair_up(dataset.read(), str(dataset.folder), str(tmp_path / "b"))
     assert len(first) == 4 * N_SEEDS
-    is_changed = first["n_found"] != second["n_found"]
-    assert is_changed.any()
-    assert (first["ospa_m"][is_changed] < 0.2).all()
-    assert (second["ospa_m"][is_changed] >= 0.2).all()
+    assert (first["n_found"] != second["n_found"]).any()
     ospa = next(each for each in compare(first, second) if each.name == "OSPA (m)")
     assert ospa.change.low > 0.0
 
@@ -133,14 +130,7 @@ def test_permutation_test_has_its_stated_size() -> None:
     assert 4 <= hits <= 18
 
 
-def test_a_single_pair_proves_nothing() -> None:
-    one = difference("OSPA (m)", np.array([[0.1, 0.3]]))
-    assert one.change.value == pytest.approx(0.2)
-    assert np.isnan(one.change.low)
-    assert one.p == 1.0
-
-
-@pytest.mark.parametrize(("first", "second"), [("oracle", "seek"), ("seek", "receiver.noise_v=5"), ("a", "b")])
-def test_a_side_without_missions_is_refused(first: str, second: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sides", [("oracle", "seek"), ("seek", "receiver.noise_v=5")])
+def test_a_side_without_missions_is_refused(sides: tuple[str, str], dataset: Dataset) -> None:
     with pytest.raises(InputFileError, match="no mission of it in the dataset"):
-        pair_up(make_dataset(tmp_path / "out", 0.02).read(), first, second)
+        pair_up(dataset.read(), *sides)

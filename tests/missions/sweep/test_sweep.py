@@ -15,8 +15,9 @@ import pytest
 
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
-from pdpatrol.missions.sweep.pool import run_job
-from tests.processes import PDPATROL, WRITES_NO_BYTECODE, pdpatrol, refusal
+from pdpatrol.missions.sweep.pool import ATTEMPTS, run_job
+from tests.missions.conftest import Refused
+from tests.processes import PDPATROL, WRITES_NO_BYTECODE, pdpatrol
 
 pytestmark = pytest.mark.whole
 
@@ -40,8 +41,7 @@ def test_rows_do_not_depend_on_workers_or_shards(folder: Path) -> None:
     assert rows(folder / "two").num_rows == 6
     assert rows(folder / "two")["status"].to_pylist() == ["finished"] * 6
     assert rows(folder / "parts").equals(rows(folder / "two"))
-    for name in ("two", "parts"):
-        assert sorted(path.name for path in (folder / name).rglob("*.parquet")) == ["rows.parquet", "scenarios.parquet"]
+    assert sorted(path.name for path in (folder / "parts").rglob("*.parquet")) == ["rows.parquet", "scenarios.parquet"]
     table = pdpatrol("results", "two", "--csv", cwd=folder)
     assert table.stdout.splitlines()[1].startswith("short,seek,{},3,0,")
 
@@ -79,21 +79,25 @@ def test_killed_sweep_continues_to_the_same_rows(engine: str, n_missions: int, n
     assert rows(folder / "killed").num_rows == n_missions
 
 
-def test_mission_that_fails_hangs_or_dies_is_a_row(folder: Path) -> None:
-    names = ["Stands", "Raises", "Hangs", "Eats", "Dies"]
-    policies = [f"own.py:{name}" for name in names]
-    limits = "--wall-limit-s", "10", "--memory-gb", "1"
-    done = sweep(folder, "--seeds", "0-1", "--policy", *policies, *limits, "--out", "out")
+@pytest.mark.parametrize("engine", ["pool", pytest.param("ray", marks=[pytest.mark.slow, needs_ray])])
+def test_mission_that_fails_hangs_or_dies_is_a_row(engine: str, folder: Path) -> None:
+    """Ray gives the rows and the output of the pool."""
+    policies = [f"own.py:{name}" for name in ("Stands", "Raises", "Hangs", "Eats", "Dies")]
+    limits = "--wall-limit-s", "30" if engine == "ray" else "10", "--memory-gb", "1"
+    words = ["--seeds", "0", "--policy", *policies, *limits]
+    done = sweep(folder, *words, "--out", "out")
     assert done.returncode == 0, done.stderr
     table = rows(folder / "out").to_pylist()
-    assert [row["status"] for row in table] == [
-        status for status in ("finished", "failed", "hung", "out of memory", "died") for _ in range(2)
-    ]
-    assert "own.py:9: RuntimeError: out of ideas" in table[2]["error"]
+    assert [row["status"] for row in table] == ["finished", "failed", "hung", "out of memory", "died"]
     assert table[0]["error"] == ""
-    assert "exit code 7" in table[8]["error"]
-    shown = pdpatrol("results", "out", cwd=folder).stdout
-    assert "own.py:Hangs, seed 1: hung: took longer than the limit of 10 s" in shown
+    assert "own.py:9: RuntimeError: out of ideas" in table[1]["error"]
+    assert f"took longer than the limit of {limits[1]} s" in table[2]["error"]
+    assert "exit code 7" in table[4]["error"]
+    assert (folder / "deaths").read_text().split() == ["died"] * ATTEMPTS
+    if engine == "ray":
+        ray = sweep(folder, *words, "--out", "ray", "--engine", "ray")
+        assert rows(folder / "ray").equals(rows(folder / "out")), ray.stderr
+        assert sorted(ray.stderr.split()) == sorted(done.stderr.split())  # Ray prints nothing
 
 
 def begun(folder: Path, n_missions: int, n_rows: int) -> Dataset:
@@ -136,37 +140,45 @@ def test_crash_during_compaction_duplicates_no_row(folder: Path) -> None:
     [
         (["--seeds", "3-1"], "--seeds: must be one seed, or the first and the last such as 0-19, got 3-1"),
         (["--shard", "3/2"], "--shard: must be 1/N to N/N, got 3/2"),
-        (["--workers", "0"], "--workers: must be greater than 0, got 0"),
-        (["--wall-limit-s", "0"], "--wall-limit-s: must be greater than 0, got 0"),
         (["--set", "receiver.noise_v=-1"], "short.toml: receiver.noise_v: must be"),
-        (["--policy"], "--policy: must have at least 1 item"),
         (["--policy", "own.py:None_"], "own.py: no `None_` in it"),
         (["--out", "own.py"], "--out: must be a new or empty folder"),
         (["--out", "/proc/none"], "--out: must be a folder that can be written, got /proc/none"),
     ],
 )
-def test_invalid_input_is_one_line_and_writes_nothing(words: list[str], message: str, folder: Path) -> None:
+def test_invalid_input_is_one_line_and_writes_nothing(
+    words: list[str], message: str, folder: Path, refused: Refused
+) -> None:
     before = sorted(folder.rglob("*"))
-    (line,) = refusal(sweep(folder, *words))
+    (line,) = refused("sweep", "short.toml", *words, cwd=folder)
     assert line.startswith(message)
     assert [path for path in sorted(folder.rglob("*")) if "__pycache__" not in str(path)] == before
 
 
-def test_dataset_of_another_plan_or_version_is_refused(folder: Path) -> None:
+def test_options_out_of_range_are_one_line_each(folder: Path, refused: Refused) -> None:
+    lines = refused("sweep", "--workers", "0", "--wall-limit-s", "0", "--policy", cwd=folder)
+    assert {line.partition(", got")[0] for line in lines} == {
+        "--workers: must be greater than 0",
+        "--wall-limit-s: must be greater than 0",
+        "--policy: must have at least 1 item after validation, not 0",
+    }
+
+
+def test_dataset_of_another_plan_or_version_is_refused(folder: Path, refused: Refused) -> None:
     begun(folder, 1, 1)
     before = rows(folder / "out")
-    (line,) = refusal(sweep(folder, "--seeds", "1", "--out", "out"))
+    (line,) = refused("sweep", "short.toml", "--seeds", "1", "--out", "out", cwd=folder)
     assert "out has other missions" in line
     manifest = folder / "out" / "sweep.json"
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"code": "another"}))
-    (line,) = refusal(sweep(folder, "--seeds", "0", "--out", "out"))
+    (line,) = refused("sweep", "short.toml", "--seeds", "0", "--out", "out", cwd=folder)
     assert "out was begun by another version of the code" in line
     assert rows(folder / "out").equals(before)
-    (line,) = refusal(pdpatrol("results", "own.py", cwd=folder))
+    (line,) = refused("results", "own.py", cwd=folder)
     assert "own.py: must be the folder of a sweep" in line
 
 
-def test_mission_run_again_gives_the_same_row(folder: Path) -> None:
+def test_mission_run_again_gives_the_same_row(folder: Path, refused: Refused) -> None:
     plan = make_plan([str(folder / "short.toml")], ["seek"], {"receiver.noise_v": [1e-3, 2e-3]}, range(2))
     dataset = Dataset.open_or_make(folder / "out", plan)
     dataset.write(run_job(plan.jobs[3]))
@@ -174,5 +186,5 @@ def test_mission_run_again_gives_the_same_row(folder: Path) -> None:
     assert (row["seed"], json.loads(row["settings"])) == (1, {"receiver.noise_v": 2e-3})
     again = json.loads(json.dumps(run_job(dataset.job(3))._asdict()))
     assert {column: again[column] for column in row} == row
-    (line,) = refusal(pdpatrol("replay", "out", "--row", "9", cwd=folder))
+    (line,) = refused("replay", "out", "--row", "9", cwd=folder)
     assert line == "--row: must be the number of a row, 0 to 3, got 9"

@@ -11,7 +11,8 @@ import pytest
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.video import MAX_BEARINGS, latest_bearings, write_film
 from pdpatrol.robot_models.rendering import make_renderer
-from tests.missions.replay.short_mission import copy_of, pdpatrol, short_mission
+from tests.missions.replay.short_mission import copy_of, short_mission
+from tests.processes import pdpatrol
 
 pytestmark = pytest.mark.whole
 
