@@ -1,4 +1,4 @@
-"""A trend as rows of a table and as trend.html, one page for A4."""
+"""Trend as rows of a table and as the A4 page trend.html."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ COLOURS = {
     "gone": "#5f6b76",
     "not clear yet": "#b9770e",
 }
-"""Colour of a discharge by its change."""
+"""Colour of a discharge, by the change since earlier inspections."""
 
 HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "a week\n(dB)", "Rate\n(1/s)", "a week\n(%)")
-"""Headings of `summary_row`, which a terminal shows in two lines."""
+"""Column headings for `summary_row`; a terminal shows them on two lines."""
 
 
 def change_of(discharge: TrackedDischarge) -> str:
-    """Return the key of `COLOURS` of a discharge: gone before its change of level, and that before new."""
+    """Return the key of `COLOURS` for a discharge: "gone" first, then the change of its level, then "new"."""
     changes = ("gone" if discharge.status == "gone" else discharge.verdict, discharge.status)
     return next((change for change in changes if change in COLOURS), "not clear yet")
 
 
 def describe_change(discharge: TrackedDischarge) -> str:
-    """Describe a discharge in words such as `new on 2026-03-16; grown` or `constant within 0.6 dB a week`."""
+    """Describe the change of a discharge, such as `new on 2026-03-16; grown` or `constant within 0.6 dB a week`."""
     seen, words = discharge.observations, list[str]()
     found = [each.date for each in seen if each.presence == "found"]
     if discharge.status == "new":
@@ -56,7 +56,7 @@ def describe_change(discharge: TrackedDischarge) -> str:
 
 
 def summary_row(discharge: TrackedDischarge) -> tuple[str, ...]:
-    """Return the last known level and rate of a discharge with their changes, one text for each of `HEADINGS`."""
+    """Return the last known level and rate of a discharge and their changes, as one text per column of `HEADINGS`."""
     known = [each for each in discharge.observations if each.level_db is not None]
     level, rate = (known[-1].level_db, known[-1].rate_hz) if known else (None, None)
     return (
@@ -82,8 +82,8 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
     """Return the text of trend.html.
 
     Args:
-        trend: Trend as `make_trend` returns it.
-        inspections: Inspections from which it was made.
+        trend: Trend, as returned by `make_trend`.
+        inspections: Inspections from which the trend was made.
     """
     counts = Counter(change_of(discharge) for discharge in trend.discharges)
     listed = ", ".join(f"{count} {change}" for change, count in counts.items())
@@ -123,7 +123,7 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
 
 
 def draw_history(discharge: TrackedDischarge) -> Figure:
-    """Draw levels and rates over weeks with 99 % intervals, and the lines fitted to levels and logarithms of rates."""
+    """Plot levels and rates against weeks with 99 % intervals, and the lines fitted to levels and log rates."""
     colour, seen = COLOURS[change_of(discharge)], discharge.observations
     weeks = np.array([weeks_between(seen[0].date, each.date) for each in seen])
     quantities = (
@@ -144,6 +144,6 @@ def draw_history(discharge: TrackedDischarge) -> Figure:
         axes.grid(color="#e3e8ec", linewidth=0.5)
     levels, rates = panels
     middle, half_db = np.mean(levels.get_ylim()), max(0.5 * np.ptp(levels.get_ylim()), 5.0)
-    levels.set_ylim(middle - half_db, middle + half_db)  # a constant level looks constant
+    levels.set_ylim(middle - half_db, middle + half_db)  # so that a constant level looks constant
     rates.set_ylim(bottom=0.0)
     return figure

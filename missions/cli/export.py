@@ -1,4 +1,4 @@
-"""`pdpatrol export`: a mission in the formats of other tools."""
+"""Command `pdpatrol export`: convert a mission to the formats of other tools."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def export(
 ) -> None:
     """Write a mission in the formats of other tools.
 
-    findings.csv for spreadsheets; findings.geojson for maps, if the scenario has a table `[georeference]`;
-    steps.parquet and pulses.parquet for data frames; mission.mcap for ROS 2 and Foxglove: poses, transforms, lidar
-    scans, and markers of the yard, of bearings and of findings.
+    The files are findings.csv for spreadsheets; findings.geojson for maps, if the scenario has a table
+    `[georeference]`; steps.parquet and pulses.parquet for data frames; and mission.mcap for ROS 2 and Foxglove, with
+    poses, transforms, lidar scans, and markers for the yard, bearings and findings.
 
     Args:
-        folder: Folder of a mission, as `pdpatrol run` or `locate` has written it.
+        folder: Folder of a mission, as written by `pdpatrol run` or `pdpatrol locate`.
         out_dir: Folder to write to, new or empty. Default: runs/export-NAME, then -2, -3 and so on.
     """
     log = load_log(folder)
@@ -33,4 +33,4 @@ def export(
         written = export_mission(log, target)
     print_written(target, *written)
     if "findings.geojson" not in written:
-        note("no findings.geojson, as the scenario has no table [georeference]")
+        note("findings.geojson was not written, because the scenario has no table [georeference]")

@@ -1,1 +1,1 @@
-"""Write missions in the formats of other tools: CSV, GeoJSON, Parquet and MCAP (ROS 2)."""
+"""Export of missions to the formats of other tools: CSV, GeoJSON, Parquet and MCAP (ROS 2)."""

@@ -1,1 +1,1 @@
-"""Planning: where each site of a yard is detectable, few stops that cover all sites, and a short tour past them."""
+"""Planning: places from which each site is detectable, a small set of stops that covers all sites, and a short tour."""

@@ -1,4 +1,4 @@
-"""The plan of a yard: what can be detected, and the tour that detects it."""
+"""Patrol plan of a yard: the sites that can be detected, and a tour that detects them."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from pdpatrol.missions.planning.tour import ShortestTours, Tour, TourShortener
 FloatArray = NDArray[np.float64]
 
 HALT_S = 2.0
-"""Time that a stop costs, and the dock at the end. Measured on patrols of six random yards: 1.1 to 2.4 s at 0.8 m/s,
-with the turns between stops."""
+"""Time for each stop, and for the dock at the end. Measured on patrols of six random yards: 1.1 to 2.4 s at 0.8 m/s,
+including the turns between stops."""
 
 
 class Plan(NamedTuple):
-    """The plan of a yard.
+    """Patrol plan of a yard.
 
     Attributes:
         scenario: Scenario for which the plan was made.
-        site_map: Its map.
-        amplitude_v: Peak, 1 m away, of the weakest discharge to detect.
-        detectability: Where each site is detectable from.
-        required: Coverage that the tour must offer, shape (n_sites, 3), as of `coverage`: the aperture of confirmation,
-            or the widest possible if less; and the rest as a longer tour offers it, at most `CROSSING_RAD` and
-            `MIN_CELLS`.
+        site_map: Map of the scenario.
+        amplitude_v: Peak of the weakest discharge to detect, 1 m away.
+        detectability: Places from which each site is detectable.
+        required: Coverage that the tour must provide, shape (n_sites, 3), with the columns of `coverage`. The first is
+            the aperture that routes are planned for, or the widest possible if that is smaller. The others are what the
+            tour before shortening provides, limited to `CROSSING_RAD` and `MIN_CELLS`.
         tour: The tour; only the dock's cell if nothing is detectable.
         stops_m: Stops of the tour in order, shape (n_stops, 2), world frame.
         path_m: Path of the tour from the dock and back, shape (n, 2).
@@ -55,11 +55,11 @@ class Plan(NamedTuple):
 
     @property
     def blind(self) -> tuple[str, ...]:
-        """Names of the sites that no reachable place detects."""
+        """Names of the sites that are not detectable from any reachable place."""
         return tuple(compress(self.detectability.names, self.detectability.is_blind))
 
     def detections(self) -> list[SiteDetection | None]:
-        """Return how the tour detects each site; None for sites that no reachable place detects."""
+        """Return how the tour detects each site; None for sites that are not detectable from any reachable place."""
         where, path = self.detectability, self.detectability.columns(self.tour.cells)
         is_detected = where.is_detectable[:, path]
         level_db = np.where(is_detected, where.level_db[:, path], -np.inf).max(axis=1)
@@ -69,12 +69,12 @@ class Plan(NamedTuple):
 
 
 class SiteDetection(NamedTuple):
-    """How a tour detects one site.
+    """Detection of one site on a tour.
 
     Attributes:
-        level_db: Highest level of the direct path over the trigger along the tour.
-        aperture_rad: Angle over which the places that detect it spread, seen from the site.
-        nearest_m: Smallest horizontal distance of these places.
+        level_db: Highest level of the direct path along the tour, relative to the trigger level.
+        aperture_rad: Angle over which the places of detection spread, seen from the site.
+        nearest_m: Smallest horizontal distance of these places from the site.
     """
 
     level_db: float
@@ -85,12 +85,12 @@ class SiteDetection(NamedTuple):
 def make_plan(
     scenario: Scenario, amplitude_v: float = AMPLITUDE_V, progress: Callable[[str, float], None] = lambda *_: None
 ) -> Plan:
-    """Plan the patrol of a yard on the robot's map; sources, true yard and present route are ignored.
+    """Plan the patrol of a yard on the robot's map; the sources, the true yard and the scenario's route are ignored.
 
     Args:
-        scenario: Map, dock, robot, array, receiver, pose sensor and rules of locating.
+        scenario: Scenario with the map, dock, robot, array, receiver, pose sensor and rules of locating.
         amplitude_v: Peak of the weakest discharge to detect, in a unit-gain channel 1 m away, > 0.
-        progress: Called with the next step and the fraction that is done.
+        progress: Function that is called with the name of the next step and the fraction done.
     """
     progress("detectability", 0.0)
     site_map = SiteMap(scenario)
@@ -126,9 +126,9 @@ def make_plan(
 
 
 def with_planned_route(scenario: Scenario) -> Scenario:
-    """Return the scenario with a planned route if it has `waypoints_m = "planned"`, else unchanged.
+    """Return the scenario with a planned route if it has `waypoints_m = "planned"`; otherwise return it unchanged.
 
-    The environment cannot plan, because the map belongs to missions: whoever starts a mission calls this.
+    The environment cannot plan, because planning is part of `missions`. Call this function before starting a mission.
 
     Raises:
         ScenarioError: If no site is detectable from any reachable place.
@@ -146,6 +146,6 @@ def with_planned_route(scenario: Scenario) -> Scenario:
 
 @lru_cache(maxsize=16)
 def _planned_waypoints(scenario: str) -> tuple[tuple[float, float], ...]:
-    """Return the waypoints for a scenario given as JSON: missions with different seeds share a plan."""
+    """Plan the waypoints for a scenario given as JSON, cached so that missions with different seeds share a plan."""
     plan = make_plan(restore_scenario(json.loads(scenario)))
     return tuple((float(x), float(y)) for x, y in plan.stops_m)

@@ -1,4 +1,4 @@
-"""Probabilities that a finding is on each known site, elsewhere on each piece of equipment, or anywhere else."""
+"""Probabilities that a finding is on a known site, elsewhere on a piece of equipment, or anywhere else in the yard."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pdpatrol.robot_models.yard.yard import Yard
 FloatArray = NDArray[np.float64]
 
 ON_SITES, ON_EQUIPMENT = 0.8, 0.15
-"""Prior probabilities of the known sites, all equal, and of the surface of equipment, uniform; the rest is for anywhere
-in the yard. Assumed."""
+"""Prior probabilities of all known sites together, each equally likely, and of the surface of all equipment, uniformly
+distributed. The rest is uniformly distributed in the yard. Assumed."""
 
 ELSEWHERE = "elsewhere"
 
 
 def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatArray) -> dict[str, float]:
-    """Return the probabilities of all places, which add up to 1, the most likely first.
+    """Return the probability of each place by name, in descending order; the probabilities add up to 1.
 
-    Places are named `equipment/site`; `equipment` for another place on that piece; `ELSEWHERE`.
+    Names are `equipment/site` for a site, `equipment` for another place on that piece, and `ELSEWHERE`.
 
     Args:
         yard: Yard as the map shows it.
@@ -31,14 +31,14 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
         covariance_m2: Covariance of the position, shape (3, 3).
     """
     sites = yard.site_names()
-    volume_m3 = yard.size_m[0] * yard.size_m[1] * 5.0  # discharges are below 5 m (assumed)
+    volume_m3 = yard.size_m[0] * yard.size_m[1] * 5.0  # assumed: discharges are lower than 5 m
     weights = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / volume_m3}
     if sites:
         sites_m = np.array([yard.site_position(name) for name in sites])
-        covariance = covariance_m2 + 0.05**2 * np.eye(3)  # sites are mapped within 5 cm (assumed)
+        covariance = covariance_m2 + 0.05**2 * np.eye(3)  # assumed: sites are mapped within 5 cm
         density = np.atleast_1d(multivariate_normal.pdf(sites_m, position_m, covariance))
         weights |= dict(zip(sites, (ON_SITES / len(sites) * density).tolist(), strict=True))
-    if yard.equipment:  # surfaces are mapped within 10 cm (assumed)
+    if yard.equipment:  # assumed: surfaces are mapped within 10 cm
         by_solid = ON_EQUIPMENT * _surface_density(yard.solids, position_m, covariance_m2 + 0.1**2 * np.eye(3))
         by_piece = np.bincount(yard.owner, by_solid, len(yard.equipment)).tolist()
         weights |= dict(zip((item.name for item in yard.equipment), by_piece, strict=True))
@@ -47,10 +47,10 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
 
 
 def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
-    """Return the mean density of a normal distribution on all surfaces, by solid, shape (n_solids,), per cubic metre.
+    """Return the density, per cubic metre, of a normal distribution near the surface of each solid, shape (n_solids,).
 
-    It is the probability of the layer within 0.125 m of a surface over the volume of all layers. The error of the
-    quasi-random points is below 1 % of the highest density.
+    The density is the probability of the layer within 0.125 m of the solid's surface, divided by the volume of the
+    layers of all solids. The error due to the quasi-random points is below 1 % of the highest density.
     """
     layer_m = 0.125
     points_m = qmc.MultivariateNormalQMC(mean_m, covariance_m2, engine=qmc.Sobol(3, rng=0)).random(4096)
@@ -62,14 +62,17 @@ def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: Floa
 
 
 def percent(probability: float) -> str:
-    """Return a probability as text, such as `82 %`, at most `> 99 %`."""
+    """Format a probability, such as `82 %`, `> 99 %` or `< 1 %`."""
     if probability > 0.99:
         return "> 99 %"
     return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
 def in_words(probabilities: Mapping[str, float]) -> str:
-    """Return the most likely place, and the second from 10 % on: `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
+    """Describe the most likely place, and the second if it has 10 % or more.
+
+    An example is `transformer_1/bushing_b 82 %, bushing_a 15 %`.
+    """
     (first, probability), *others = probabilities.items()
     words = [f"{first} {percent(probability)}"]
     for other, probability in others[:1]:

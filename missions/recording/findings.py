@@ -1,4 +1,4 @@
-"""Findings with their 95 % ellipses and phase-resolved patterns, and the likelihood of a source on the ground."""
+"""Recording of findings, 95 % ellipses and phase-resolved patterns, and of the likelihood of a source on the ground."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ COLOURS = {
 """Colours of findings by state."""
 
 UNITS_PER_DB, SPAN_DB = 4.0, 30
-"""Scale of the levels of a pattern, whose axis points down, and their range around the middle; phases in degrees."""
+"""Scale of the level axis of a pattern, which points down, and half its range in dB. The phase axis is in degrees."""
 
 
 def name_of(state: str, number: int) -> str:
-    """Return the name of a finding."""
+    """Return the display name of a finding."""
     return f"{'finding' if state == 'confirmed' else state} {number}"
 
 
@@ -55,7 +55,7 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
     draw_label(stream, number, (x, y, z), name_of(state, number))
     semi_major_m = ellipse95(covariance_m2[:2, :2]).semi_major_m
     outline_m = np.column_stack([outline95(np.array([x, y]), covariance_m2[:2, :2], 33), np.full(33, 0.1)])
-    lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger one would hide the yard
+    lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger ellipse would hide the yard
     stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=[colour], radii=[0.05]))
     stream.log(f"plots/uncertainty/{number}", rr.Scalars(semi_major_m))
 
@@ -66,12 +66,12 @@ def draw_label(stream: rr.RecordingStream, number: int, position_m: tuple[float,
 
 
 def _draw_likelihood(stream: rr.RecordingStream, meta: Mapping[str, Any], log_likelihood: np.ndarray) -> None:
-    """Draw the likelihood of the cells of the grid as a texture of the ground."""
+    """Draw the likelihood of the grid cells as a texture on the ground."""
     grid = grid_of(meta)
-    peak = max(log_likelihood.max(), 50.0)  # 50: some ten pulses from as many places
+    peak = max(log_likelihood.max(), 50.0)  # 50 corresponds to about ten pulses from ten different places
     share = np.square(np.clip(log_likelihood.reshape(grid.shape) / peak, 0.0, 1.0))
     unlikely, likely = np.array([64, 70, 72]), np.array([235, 140, 60])
-    inner = 0.5 + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (np.array(grid.shape) - 1)  # textures repeat beyond
+    inner = 0.5 + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (np.array(grid.shape) - 1)  # beyond, textures repeat
     texture = unlikely + share.T[::-1, :, np.newaxis] * (likely - unlikely)  # north first
     stream.log(
         "world/likelihood",
@@ -85,7 +85,7 @@ def _draw_likelihood(stream: rr.RecordingStream, meta: Mapping[str, Any], log_li
 
 
 def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog, report: Report) -> None:
-    """Draw the pattern of each finding of a finished mission, each pulse at its time, and its kind at the end."""
+    """Draw the phase-resolved pattern of each finding of a finished mission: pulses at their times, kind at the end."""
     patterns, reach = phase_patterns(log), UNITS_PER_DB * SPAN_DB
     records = [record for record in (*report.findings, *report.candidates) if record.id in patterns]
     if not records:
@@ -109,7 +109,7 @@ def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog, report: Rep
         stream.log(path, rr.Points2D.from_fields(colors=[colour], radii=[1.2]), static=True)
         points = rr.Points2D.columns(positions=places).partition(counts)
         stream.send_columns(path, at_steps(log, steps), points)
-        row, column = divmod(order, 2)  # names stand in two columns above the frame
+        row, column = divmod(order, 2)  # names are in two columns above the frame
         place = [90.0 + 180.0 * column, -reach - 18.0 * (row + 1.5)]
         text = f"{name_of(record.state, record.id)}: {kind_text(record)}"
         set_step(stream, log, log.n_rows("step") - 1)

@@ -1,4 +1,4 @@
-"""Figures of the exhibits: bars of the paper's numbers next to ours, Fig. 1, Fig. 3 and Fig. 4."""
+"""Figures of the reproduction: bar charts of the paper's numbers next to ours, Fig. 1, Fig. 3 and Fig. 4."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PAPER, OURS, BEST = "#8a8f98", "#2f6db3", "#e0762b"
 
 
 def draw_bars(exhibit: Exhibit) -> Figure:
-    """Draw the rows of an exhibit as bars with their intervals, one panel for each unit."""
+    """Draw the rows of an exhibit as a bar chart with intervals, one panel for each unit."""
     units = sorted({row.unit for row in exhibit.rows})
     figure = Figure(figsize=(max(6.6, 0.8 * len(exhibit.rows)), 3.8), layout="constrained")
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
@@ -37,7 +37,7 @@ def draw_bars(exhibit: Exhibit) -> Figure:
 
 
 def draw_errors(true_paper: FloatArray, paper_deg: FloatArray, true_best: FloatArray, best_deg: FloatArray) -> Figure:
-    """Draw Fig. 4: errors in whole degrees over the true directions."""
+    """Draw Fig. 4: errors in whole degrees against the true directions."""
     figure = Figure(figsize=(9.0, 4.9), layout="constrained")
     bins = [np.arange(0.5, 361, 10.0), np.arange(paper_deg.min() - 1.5, paper_deg.max() + 2.5)]
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
@@ -56,7 +56,7 @@ def draw_errors(true_paper: FloatArray, paper_deg: FloatArray, true_best: FloatA
 
 
 def draw_manifold() -> Figure:
-    """Draw Fig. 1: the gains of six elements, normalised to unit norm."""
+    """Draw Fig. 1: the gains of six elements against azimuth, normalised to unit norm."""
     figure = Figure(figsize=(7.0, 3.8), layout="constrained")
     axes = figure.subplots()
     azimuth_deg = np.linspace(-180, 180, 721)
@@ -68,13 +68,13 @@ def draw_manifold() -> Figure:
 
 
 def draw_noisy_pulse(seed: int) -> Figure:
-    """Draw Fig. 3: six channels with one pulse at -10 dB, and 10 ns of each."""
+    """Draw Fig. 3: six channels with one pulse at -10 dB, and 10 ns of each channel around the pulse."""
     gain = GainManifold.ring(6).gain(np.radians([40.0])).T
     record = draw_records(gain, energy_to_noise(gain, -10.0), np.random.default_rng([seed, 2]))[0]
     time_ns = np.arange(record.shape[-1]) / SAMPLE_RATE_HZ * 1e9
     at_ns = time_ns[pulse_start(record, 60)]
     figure = Figure(figsize=(8.2, 5.0), layout="constrained")
-    offsets = -12.0 * np.arange(6)  # standard deviations of the noise
+    offsets = -12.0 * np.arange(6)  # in standard deviations of the noise
     panels = figure.subplots(1, 2, sharey=True, width_ratios=[3, 2])
     for axes, limits_ns in zip(panels, ((0, time_ns[-1]), (at_ns - 3, at_ns + 7)), strict=True):
         axes.plot(time_ns, record.T + offsets, linewidth=0.5, rasterized=True)

@@ -1,8 +1,8 @@
-"""Simulated trials as in the paper, and the bearings that the methods find in them.
+"""Simulated trials as in the paper, and the bearings that the methods estimate from them.
 
-A record is one pulse in 10 000 samples of white noise. Only the energy of the pulse and the number of samples matter to
-a covariance, so covariances are drawn from their exact law, the noncentral Wishart distribution. Whole records are
-drawn only where the pulse has to be found first.
+A record is one pulse in 10 000 samples of white noise. A covariance depends only on the energy of the pulse and the
+number of samples, so covariances are drawn from their exact distribution, the noncentral Wishart distribution. Full
+records are drawn only where the pulse has to be found first.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ FloatArray = NDArray[np.float64]
 
 SAMPLE_RATE_HZ = 20e9
 N_RECORD = 10_000
-"""0.5 us at 20 GS/s: with this many samples the protocol agrees with every simulated exhibit of the paper."""
+"""Samples of a record, 0.5 us at 20 GS/s. With this number the results agree with every simulated exhibit of the paper.
+"""
 
 FOUND_GATE_SAMPLES = 80
-"""4 ns. A pulse of 1 ns decay has 99.7 % of its energy in 60 samples; a gate that is found in noise starts early or
-late."""
+"""Samples of a gate that is found in the data, 4 ns. A pulse with a decay time of 1 ns has 99.7 % of its energy in 60
+samples; the rest allows for a gate that starts early or late because of noise."""
 
 GRID_DEG = np.arange(1, 361)
-"""The paper's true directions and its search grid."""
+"""True directions and search grid of the paper."""
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Number and seed of the trials of each cell of an exhibit.
+    """Number and seed of the trials for each cell of an exhibit.
 
     Attributes:
-        n: Trials of each cell, >= 1.
-        seed: Seed; each cell has a separate random generator, so that no cell depends on another.
-        cancelled: Set by another thread to end the trials.
+        n: Number of trials for each cell, >= 1.
+        seed: Seed. Each cell has a separate random generator, so that cells do not depend on each other.
+        cancelled: Event that another thread sets to end the trials.
     """
 
     n: int
@@ -54,13 +55,13 @@ class Trials:
     def collect(
         self, exhibit: int, cell: int, draw: Callable[[int, np.random.Generator], tuple[FloatArray, ...]]
     ) -> list[FloatArray]:
-        """Call `draw` with numbers of trials and the generator of a cell, and join each of the arrays it returns.
+        """Call `draw` for chunks of trials with the generator of a cell, and concatenate each array that it returns.
 
         Raises:
             InterruptedError: If the trials are cancelled.
         """
         rng, parts, chunk = self.rng(exhibit, cell), list[tuple[FloatArray, ...]](), 200
-        for first in range(0, self.n, chunk):  # chunks bound the memory; results of a seed depend on their size
+        for first in range(0, self.n, chunk):  # chunks limit the memory; their size affects the draws
             if self.cancelled.is_set():
                 raise InterruptedError
             parts.append(draw(min(chunk, self.n - first), rng))
@@ -68,15 +69,15 @@ class Trials:
 
 
 def energy_to_noise(gain: FloatArray, snr_db: float, n_record: int = N_RECORD) -> FloatArray:
-    """Return rho by the paper's definition of SNR: one noise level, set by the mean square of the clean record.
+    """Return rho, the energy of the pulse in a unit-gain channel divided by the variance of a noise sample.
 
-    rho is the energy of the pulse in a channel of unit gain over the variance of a noise sample. With six elements and
-    whole records it is 28 070 times 10^(SNR / 10) in all directions.
+    In the paper's definition of SNR, all channels have the same noise level, which is relative to the mean square of
+    the clean record. With six elements and full records, rho is 28 070 times 10^(SNR / 10) in all directions.
 
     Args:
         gain: True gains of all elements, shape (n_trials, n_elements).
         snr_db: SNR of the record.
-        n_record: Samples of the record.
+        n_record: Number of samples of the record.
 
     Returns:
         Shape (n_trials,).
@@ -102,15 +103,15 @@ def wishart(
 
 
 def draw_covariances(signals: NDArray[Any], n_record: int, rng: np.random.Generator) -> NDArray[Any]:
-    r"""Draw sample covariances of records with some pulses at different times, in unit white noise.
+    r"""Draw sample covariances of records with one or more pulses at different times, in unit white noise.
 
     .. math:: n R = \sum_k y_k y_k^H + W, \quad y_k = s_k + n_k, \quad W \sim \text{Wishart}(n - n_\text{pulses})
 
     Args:
-        signals: Gains times the root of each pulse's energy, shape (n_trials, n_elements, n_pulses); complex for
+        signals: Gains times the square root of each pulse's energy, shape (n_trials, n_elements, n_pulses); complex for
             analytic signals.
-        n_record: Independent samples of the record; an analytic signal has half as many as the record.
-        rng: Source of randomness.
+        n_record: Number of independent samples of the record; an analytic signal has half as many as the record.
+        rng: Random generator.
 
     Returns:
         Shape (n_trials, n_elements, n_elements).
@@ -128,19 +129,19 @@ def _white(shape: tuple[int, ...], rng: np.random.Generator, *, is_complex: bool
 
 
 def draw_records(gain: FloatArray, rho: FloatArray, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Draw whole records in unit white noise with one pulse each, which reaches all elements at one time.
+    """Draw full records of unit white noise with one pulse each, which reaches all elements at the same time.
 
     Args:
         gain: True gains, shape (n_trials, n_elements).
-        rho: Energy of the pulse over the noise variance, shape (n_trials,).
-        rng: Source of randomness.
+        rho: Energy of the pulse divided by the noise variance, shape (n_trials,).
+        rng: Random generator.
 
     Returns:
-        Shape (n_trials, n_elements, N_RECORD), in single precision: rounding is a ten-millionth of the noise.
+        Shape (n_trials, n_elements, N_RECORD), in single precision: rounding errors are 1e-7 of the noise.
     """
     n_trials, n_elements = gain.shape
     record = rng.standard_normal((n_trials, n_elements, N_RECORD), dtype=np.float32)
-    n_pulse = 400  # 20 ns, in which a pulse of 1 ns decay is over
+    n_pulse = 400  # 20 ns, after which a pulse with a decay time of 1 ns has ended
     start = rng.integers(0, N_RECORD - n_pulse, n_trials)
     time_s = (np.arange(n_pulse) - rng.random((n_trials, 1))) / SAMPLE_RATE_HZ
     pulse = damped_pulse(time_s)
@@ -152,15 +153,16 @@ def draw_records(gain: FloatArray, rho: FloatArray, rng: np.random.Generator) ->
 
 
 def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> FloatArray:
-    r"""Search eq. (15) as printed on the 1 degree grid; degrees, shape (n_trials,).
+    r"""Find the peak of the paper's eq. (15), as printed, on the 1 degree grid; degrees, shape (n_trials,).
 
-    With one source, the part of a gain in the noise subspace is its remainder after the eigenvector of the signal:
-    :math:`\lVert E_n^H g \rVert^2 = \lVert g \rVert^2 - |e_s^H g|^2`, several times faster than `pseudo_spectrum`.
+    With one source, the projection of a gain vector onto the noise subspace follows from the signal eigenvector:
+    :math:`\lVert E_n^H g \rVert^2 = \lVert g \rVert^2 - |e_s^H g|^2`, which is several times faster to compute than
+    `pseudo_spectrum`.
 
     Args:
         covariance: Shape (n_trials, n_elements, n_elements).
-        gain: The clean manifold on the grid, shape (n_elements, 360); complex for a manifold of phases. With one
-            element no noise subspace is left, the spectrum is constant, and the first grid angle wins.
+        gain: Ideal manifold on the grid, shape (n_elements, 360); complex for a manifold of phases. With one element
+            there is no noise subspace, so the spectrum is constant and the first grid angle is returned.
     """
     if gain.shape[0] == 1:
         return np.full(covariance.shape[0], GRID_DEG[0], dtype=np.float64)
@@ -171,11 +173,11 @@ def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> FloatArray:
 
 
 def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
-    """Find the gate in the data, then the maximum of the likelihood off the grid; degrees, shape (n_trials,)."""
+    """Find the gate in each record and maximise the likelihood without a grid; degrees, shape (n_trials,)."""
     gate = cut_windows(records, pulse_start(records, FOUND_GATE_SAMPLES), FOUND_GATE_SAMPLES)
     return np.degrees(bearings_from_covariance(sample_covariance(gate), manifold).azimuth_rad)
 
 
 def error_deg(estimate_deg: FloatArray, true_deg: ArrayLike) -> FloatArray:
-    """Return the error in the shorter direction, degrees."""
+    """Return the estimate minus the true direction, in (-180, 180] degrees."""
     return np.degrees(difference(np.radians(estimate_deg), np.radians(true_deg)))

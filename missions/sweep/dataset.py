@@ -27,35 +27,37 @@ MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows",
 
 
 class MissionRow(NamedTuple):
-    """One mission of a sweep; a row of the dataset.
+    """Row of the dataset: one mission of a sweep.
 
     Attributes:
         order: Number of the mission in the sweep.
-        key: As of `MissionJob`.
-        suite: As of `MissionJob`.
-        level: As of `MissionJob`.
+        key: See `MissionJob`.
+        suite: See `MissionJob`.
+        level: See `MissionJob`.
         scenario: Name of the scenario.
-        scenario_digest: SHA-256 of the scenario with its settings; `scenarios.parquet` holds it in full.
+        scenario_digest: SHA-256 of the scenario with its settings; `scenarios.parquet` holds the full scenario.
         policy: Name of the policy.
         settings: Values that the sweep set in the scenario, as JSON.
         seed: Seed of the mission.
-        status: `finished`; `failed` if it raised; `hung` if it took too long; `out of memory`; or `died` if its process
-            ended repeatedly. All figures below are null or 0 unless it is finished.
+        status: `finished`; `failed` if the mission raised an exception; `hung` if it took too long; `out of memory`; or
+            `died` if its process ended repeatedly. All numbers below are null or 0 unless the mission finished.
         error: Traceback or reason; empty if finished.
         n_sources: Number of sources in the yard.
         n_found: Number of sources with a confirmed finding within the cut-off of `pdpatrol.missions.report.scoring`.
         false_findings: Number of confirmed findings without a source.
         errors_m: Horizontal distances between found sources and their findings.
-        height_errors_m: Heights of these findings above their sources.
+        height_errors_m: Heights of these findings relative to their sources, positive above.
         confirmed_s: Times at which these findings were confirmed.
         n_in_ellipse: Number of sources inside the 95 % ellipse of their finding.
-        n_right_site: Number of found sources with the right site, as of `pdpatrol.missions.report.scoring`.
-        ospa_m: OSPA distance between findings and sources, as of `pdpatrol.missions.report.scoring`.
-        bearing_rmse_rad: Root mean square error of bearings in line of sight of a single source; null without any.
+        n_right_site: Number of found sources with the correct site, see `pdpatrol.missions.report.scoring`.
+        ospa_m: OSPA distance between findings and sources, see `pdpatrol.missions.report.scoring`.
+        bearing_rmse_rad: Root mean square error of the bearings in line of sight of exactly one source; null without
+            such bearings.
         distance_m: Path length.
-        found_all_m: Path length until the last source was confirmed; null if one was not, or without sources.
-        shortest_m: Shortest path from the dock to within the scenario's `standoff_m` of each source; null without
-            sources, or if one cannot be approached.
+        found_all_m: Path length until the last source was confirmed; null without sources, or if a source was not
+            confirmed.
+        shortest_m: Length of the shortest path from the dock to within the scenario's `standoff_m` of every source;
+            null without sources, or if a source cannot be approached.
         sim_time_s: Simulated time.
         contacts: Number of collisions.
         waypoints_missed: Number of waypoints that were not visited.
@@ -149,9 +151,9 @@ class Manifest(BaseModel):
         command: Words of the command line.
         plan: Digest of all missions.
         code: Digest of the code of this project.
-        commit: Commit of the code, with `+` if files differ from it.
-        n_missions: Number of missions of the plan.
-        suite: Version and checksum of the suite; empty without missions of the suite.
+        commit: Commit of the code, followed by `+` if files were changed since.
+        n_missions: Number of missions in the plan.
+        suite: Version and checksum of the suite; empty if no mission is from the suite.
         versions: Versions of libraries.
     """
 
@@ -168,13 +170,13 @@ class Manifest(BaseModel):
 
 
 class Dataset:
-    """Folder with a manifest, the scenarios, a file for each new row, and one for all rows once they are complete.
+    """Folder with a manifest, the scenarios, and one file per row, or a single file once all rows are complete.
 
     Args:
         folder: Folder of an existing dataset.
 
     Attributes:
-        folder: As given.
+        folder: Folder of the dataset.
         manifest: Command, digests of missions and code, and versions.
 
     Raises:
@@ -194,7 +196,7 @@ class Dataset:
 
     @classmethod
     def open_or_make(cls, folder: Path, plan: SweepPlan, command: Sequence[str] = ()) -> Dataset:
-        """Make the dataset of a plan, or open one that the same sweep has begun.
+        """Make the dataset of a plan, or open a dataset that the same sweep has begun.
 
         Args:
             folder: Folder of the dataset.
@@ -202,8 +204,8 @@ class Dataset:
             command: Words of the command line, stored in a new dataset.
 
         Raises:
-            InputFileError: If the folder holds anything else, or a dataset of other missions or other code.
-            OSError: If it cannot be written.
+            InputFileError: If the folder holds anything else, or a dataset of other missions or of other code.
+            OSError: If the dataset cannot be written.
         """
         if not (folder / MANIFEST).exists():
             if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
@@ -233,14 +235,14 @@ class Dataset:
         """Write one row atomically.
 
         Raises:
-            OSError: If it cannot be written; earlier rows stay.
+            OSError: If the row cannot be written; earlier rows are kept.
         """
         _write_table(self.folder / ROWS / f"{row.key}.parquet", pa.Table.from_pylist([row._asdict()], schema=SCHEMA))
 
     def read(self) -> pa.Table:
         """Return all rows in the order of the plan, each mission once."""
         rows: dict[str, dict[str, Any]] = {}
-        # The common file is read last: it holds the rows that another shard removes from the single files meanwhile.
+        # The common file is read last: it contains the rows whose single files another shard may delete meanwhile.
         for path in [*(self.folder / ROWS).glob("*.parquet"), self.folder / ALL_ROWS]:
             with suppress(FileNotFoundError):
                 rows |= {row["key"]: row for row in _read_table(path, schema=SCHEMA).to_pylist()}
@@ -269,7 +271,7 @@ class Dataset:
         return MissionJob(**columns | {"scenario": scenario, "settings": settings})
 
     def compact(self) -> None:
-        """Move all rows into one file if they are complete; at any moment each row is in that file or in its own."""
+        """Move all rows into one file if they are complete; at any time each row is in that file or in its own file."""
         rows = self.read()
         if rows.num_rows == self.manifest.n_missions:
             _write_table(self.folder / ALL_ROWS, rows)
@@ -292,7 +294,7 @@ def _read_table(path: Path, schema: pa.Schema | None = None) -> pa.Table:
     except FileNotFoundError:
         raise
     except (pa.ArrowException, OSError, LookupError):
-        raise InputFileError([f"{path}: cannot be read (damaged, or of another sweep)"]) from None
+        raise InputFileError([f"{path}: cannot be read; it is damaged or belongs to another sweep"]) from None
     return table
 
 
