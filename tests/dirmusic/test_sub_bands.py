@@ -39,14 +39,12 @@ def test_band_energies_sum_to_gate_energy() -> None:
     np.testing.assert_allclose(energy, np.square(gate).sum(axis=0), rtol=0.02)
 
 
-@pytest.mark.parametrize("noise_correlation", [None, 0.6])
-def test_noise_energies_have_stated_mean_and_variance(noise_correlation: float | None) -> None:
-    correlation = None if noise_correlation is None else np.power(noise_correlation, np.arange(N), dtype=np.float64)
-    bands = SubBands(EDGES_HZ, RATE_HZ, N, correlation)
-    covariance = np.eye(N) if correlation is None else toeplitz(correlation)
-    drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1).normal(size=(N, 20_000))
-    lines = bands.lines @ drawn
-    energy = np.square(lines).sum(axis=1)
+@pytest.mark.parametrize("noise_correlation", [0.0, 0.6])
+def test_noise_energies_have_stated_mean_and_variance(noise_correlation: float) -> None:
+    correlation = np.power(noise_correlation, np.arange(N), dtype=np.float64)
+    bands = SubBands(EDGES_HZ, RATE_HZ, N, correlation if noise_correlation else None)
+    drawn = np.linalg.cholesky(toeplitz(correlation)) @ np.random.default_rng(1).normal(size=(N, 20_000))
+    energy = np.square(bands.lines @ drawn).sum(axis=1)
     np.testing.assert_allclose(energy.mean(axis=1), bands.noise_samples, rtol=0.02)
     np.testing.assert_allclose(energy.var(axis=1), 2 * bands.energy_spread, rtol=0.08)
 
@@ -57,8 +55,7 @@ def test_band_strengths_have_stated_variance() -> None:
     pulse = 30.0 * np.exp(-(((time_s - 3e-9) / 0.5e-9) ** 2)) * np.sin(2 * np.pi * 1.75e9 * time_s)
     energy = np.square(bands.lines @ (pulse + rng.normal(size=(20_000, N))).T).sum(axis=1)
     strengths = np.sqrt(np.maximum(energy - bands.noise_samples[:, np.newaxis], 0.0))
-    of_bands = zip(strengths, bands.energy_spread, bands.noise_on(pulse), strict=True)
-    for strength, spread, on_pulse in of_bands:
+    for strength, spread, on_pulse in zip(strengths, bands.energy_spread, bands.noise_on(pulse), strict=True):
         stated = strength_variance(strength.mean(), 1.0, 1, energy_spread=spread, noise_on_pulse=on_pulse)
         assert strength.var() == pytest.approx(float(stated), rel=0.06)
 
@@ -75,9 +72,7 @@ def strengths_of(azimuth_rad: FloatArray, spectrum: list[float]) -> FloatArray:
     [[1.0] * 6, [1.0, 1.2, 1.5, 1.8, 2.2, 2.7], [4.0, 3.3, 2.6, 2.0, 1.6, 1.3]],
     ids=["flat", "rises", "falls"],
 )
-def test_sub_bands_are_exact_for_any_smooth_spectrum(
-    spectrum: list[float],
-) -> None:
+def test_sub_bands_are_exact_for_any_smooth_spectrum(spectrum: list[float]) -> None:
     azimuth = np.random.default_rng(3).uniform(-np.pi, np.pi, 300)
     bands = strengths_of(azimuth, spectrum)
     whole = np.sqrt(np.square(bands).sum(axis=1))

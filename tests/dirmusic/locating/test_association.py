@@ -79,9 +79,7 @@ def test_pulse_too_weak_for_its_range_is_diffracted() -> None:
 
 
 @pytest.mark.parametrize("bearing_deg", [60.0, -120.0])
-def test_pulses_of_obstructed_finding_are_multipath(
-    bearing_deg: float,
-) -> None:
+def test_pulses_of_obstructed_finding_are_multipath(bearing_deg: float) -> None:
     assert assigned([AHEAD], bearing_deg=bearing_deg, in_sight=False) == ECHO
     assert assigned([AHEAD], bearing_deg=bearing_deg, excess_db=6.0, in_sight=False) == UNASSIGNED
     assert assigned([AHEAD], bearing_deg=bearing_deg) == UNASSIGNED
@@ -138,9 +136,6 @@ def test_changed_finding_or_array_changes_assignment() -> None:
         assert (assigner.assign([finding(8.0, y_m)], errors).finding == code).all()
 
 
-HIGH_M = 4.0
-
-
 def bearings_from_above(azimuth: np.ndarray, elevation_rad: float) -> PulseBatch:
     """Make strong pulses from one elevation, with the bearings that are taken of them in the plane."""
     off = azimuth[:, np.newaxis] - RING.boresights_rad
@@ -149,14 +144,12 @@ def bearings_from_above(azimuth: np.ndarray, elevation_rad: float) -> PulseBatch
 
 
 @pytest.mark.parametrize("elevation_deg", [10.0, 30.0, 45.0, 60.0, 70.0])
-def test_bearings_off_the_plane_belong_to_the_finding_above(
-    elevation_deg: float,
-) -> None:
-    for azimuth_deg in range(3, 360, 17):
-        azimuth, elevation = np.radians([float(azimuth_deg)]), np.radians(elevation_deg)
-        place = HIGH_M / np.tan(elevation) * np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
-        above = replace(finding(*place), position_m=np.array([*place, HIGH_M]), level_db=np.nan, state="candidate")
-        record = record_of((0.0, np.zeros(3), bearings_from_above(azimuth, elevation)))
+def test_bearings_off_the_plane_belong_to_the_finding_above(elevation_deg: float) -> None:
+    elevation = np.radians(elevation_deg)
+    for azimuth in np.radians(np.arange(3.0, 360.0, 17.0)):
+        place_m = 4.0 / np.tan(elevation) * np.array([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)])
+        above = make_finding(position_m=place_m, level_db=np.nan)
+        record = record_of((0.0, np.zeros(3), bearings_from_above(np.array([azimuth]), elevation)))
         assert owners(record, [above]).tolist() == [0]
 
 
@@ -164,9 +157,8 @@ def test_pulse_from_above_initiates_only_the_first_candidate() -> None:
     azimuth = np.zeros(20)
     from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
     record = record_of((0.0, np.zeros(3), from_above))
-    owner = owners(record, [replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)])
-    assert (owner == UNASSIGNED).all()
-    unassigned = owner == UNASSIGNED
+    unassigned = owners(record, [replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)]) == UNASSIGNED
+    assert unassigned.all()
     for is_first in (False, True):
         rows = rows_of_candidate(record, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=is_first)
         assert rows.size == (20 if is_first else 0)
@@ -261,7 +253,7 @@ def test_few_or_uniform_phases_exclude_nothing() -> None:
     for n in (10, 100, 210, 300, 1000, 5000):
         phase_rad = rng.uniform(0.0, 2 * np.pi, n)
         assert may_share_phase(phase_rad, np.zeros(n, dtype=np.intp), 1).all()
-    few = np.append(corona(rng, 200, 270.0), np.radians(90.0))
-    assert may_share_phase(few, np.append(np.zeros(200, dtype=np.intp), -1), 1).all()
-    many = np.append(corona(rng, 400, 270.0), np.radians(90.0))
-    assert not may_share_phase(many, np.append(np.zeros(400, dtype=np.intp), -1), 1)[0, -1]
+    for n, is_shared in ((200, True), (400, False)):
+        phase_rad, owner = np.append(corona(rng, n, 270.0), 0.5 * np.pi), np.append(np.zeros(n, dtype=np.intp), -1)
+        may_share = may_share_phase(phase_rad, owner, 1)
+        assert may_share.all() == may_share[0, -1] == is_shared

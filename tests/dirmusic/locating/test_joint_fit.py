@@ -36,13 +36,17 @@ N_STATES = STATE.size
 PRIORS = Priors(np.zeros(STATE.size), np.full(STATE.size, 2.0), np.eye(STATE.size), 0.1, 0.02, ROBUST_SCALE)
 
 
-def nominal(manifold: GainManifold) -> NominalArray:
-    boresights = as_boresights(manifold.boresights_rad, manifold.boresight_elevations_rad)
-    of_gain = manifold.gain_factors, manifold.gain_offsets, manifold.pattern_table
-    return NominalArray(RING_M, boresights, *of_gain)
+NOMINAL = NominalArray(
+    RING_M,
+    as_boresights(TILTED.boresights_rad, TILTED.boresight_elevations_rad),
+    TILTED.gain_factors,
+    TILTED.gain_offsets,
+    TILTED.pattern_table,
+)
+WEIGHT = RNG.uniform(5.0, 50.0, (40, 6))
 
 
-def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
+def modelled(state: FloatArray) -> FloatArray:
     """Compute the strengths of pulses of amplitude 1, shape (40, 6), by the formula of `locate_jointly`."""
     places, errors = state[:6].reshape(2, 3)[SOURCE], state[6:24].reshape(3, 6)
     terms = state[24:].reshape(3, N_HARMONICS, 2)
@@ -53,14 +57,14 @@ def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
     parts = np.cos(harmonic) @ terms[..., 0].T + np.sin(harmonic) @ terms[..., 1].T
     gain = gain + TILTED.gain_factors * (parts[..., 0] + sin_up * parts[..., 1] + sin_up**2 * parts[..., 2])
     plan_m = np.linalg.norm(places[:, :2] - POSE[:, :2], axis=-1, keepdims=True)
-    return weight * ((1 + errors[0]) * gain + errors[2]) * plan_m / range_m
+    return ((1 + errors[0]) * gain + errors[2]) * plan_m / range_m
 
 
-def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, priors: Priors) -> tuple[FloatArray, ...]:
+def linear(state: FloatArray, strengths: FloatArray, priors: Priors) -> tuple[FloatArray, ...]:
     """Misses (40, 6) and slopes (40, 6, N_STATES - 3) of all pulses; the boresights are turned as `evaluate` does."""
-    data = FitData(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
+    data = FitData(POSE, SOURCE, WEIGHT, strengths, np.full(40, 3.0))
     errors, at = state[6:24].reshape(3, 6), (np.empty((40, 6)), np.empty((40, 6, N_STATES - 3)))
-    turned = nominal(TILTED)._replace(
+    turned = NOMINAL._replace(
         boresights=as_boresights(TILTED.boresights_rad + errors[1], TILTED.boresight_elevations_rad)
     )
     for k in range(40):
@@ -69,32 +73,30 @@ def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, priors:
 
 
 def test_slopes_equal_differences_of_residuals() -> None:
-    weight = RNG.uniform(5.0, 50.0, (40, 6))
-    strengths = RNG.uniform(0.5, 2.0, (40, 1)) * modelled(STATE, weight)
+    strengths = RNG.uniform(0.5, 2.0, (40, 1)) * WEIGHT * modelled(STATE)
     for priors in (PRIORS, PRIORS._replace(position_m=0.0, heading_rad=0.0)):
-        miss, slope = linear(STATE, strengths, weight, priors)
+        miss, slope = linear(STATE, strengths, priors)
         np.testing.assert_allclose(miss, 0.0, atol=1e-6)
         for i, own in [*((i, i // 3 == SOURCE) for i in range(6)), *((i, SOURCE >= 0) for i in range(6, N_STATES))]:
             step = np.zeros(N_STATES)
             step[i] = 1e-5
-            after, before = (linear(STATE + s, strengths, weight, priors)[0] for s in (step, -step))
+            after, before = (linear(STATE + s, strengths, priors)[0] for s in (step, -step))
             column = i % 3 if i < 6 else i - 3
             expected = np.where(own[:, np.newaxis], slope[:, :, column], 0.0)
             np.testing.assert_allclose((after - before) / 2e-5, expected, atol=2e-4 * np.abs(slope[:, :, column]).max())
 
 
 def test_cost_and_derivatives_are_those_of_soft_l1() -> None:
-    weight = RNG.uniform(5.0, 50.0, (40, 6))
-    strengths = modelled(STATE, weight) + RNG.normal(0.0, 3.0, (40, 6))
-    miss, slope = linear(STATE, strengths, weight, PRIORS)
+    strengths = WEIGHT * modelled(STATE) + RNG.normal(0.0, 3.0, (40, 6))
+    miss, slope = linear(STATE, strengths, PRIORS)
     full = np.zeros((40, 6, N_STATES))
     for k in range(40):
         full[k][:, 3 * SOURCE[k] : 3 * SOURCE[k] + 3], full[k][:, 6:] = slope[k][:, :3], slope[k][:, 3:]
     residual = np.concatenate([miss.ravel(), STATE / 2.0])
     jacobian = np.concatenate([full.reshape(-1, N_STATES), np.eye(N_STATES) / 2.0])
     root = np.sqrt(1 + np.square(residual / ROBUST_SCALE))
-    data = FitData(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
-    cost, gradient, hessian = evaluate(STATE, 3, N_TERMS, data, nominal(TILTED), PRIORS)
+    data = FitData(POSE, SOURCE, WEIGHT, strengths, np.full(40, 3.0))
+    cost, gradient, hessian = evaluate(STATE, 3, N_TERMS, data, NOMINAL, PRIORS)
     assert cost == pytest.approx(ROBUST_SCALE**2 * (root - 1).sum())
     np.testing.assert_allclose(gradient, jacobian.T @ (residual / root), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(hessian, jacobian.T @ (jacobian / root[:, np.newaxis] ** 3), rtol=1e-9, atol=1e-9)
@@ -104,7 +106,7 @@ def test_two_sources_and_array_errors_are_estimated() -> None:
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
     truth = STATE.copy()
     truth[2], truth[5], truth[24:] = 2.1, 1.4, 0.0  # heights as they are believed to be, and the pattern
-    pulses = detected(modelled(truth, np.ones((40, 6))), 1e-4, 10.0 * np.arange(40))
+    pulses = detected(modelled(truth), 1e-4, 10.0 * np.arange(40))
     start_m = truth[:6].reshape(2, 3) + np.array([[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]])
     fix = locate_jointly(pulses, POSE, SOURCE, start_m, array, NO_POSE_ERROR)
     miss_m = fix.positions_m - truth[:6].reshape(2, 3)
@@ -117,7 +119,7 @@ def test_two_sources_and_array_errors_are_estimated() -> None:
 def test_second_solve_equals_a_fresh_one() -> None:
     """No state of a solve outlives it: an earlier one does not stop a later one early."""
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02, pattern=0.1))
-    pulses = detected(modelled(STATE, np.ones((40, 6))), 1e-2, 10.0 * np.arange(40))
+    pulses = detected(modelled(STATE), 1e-2, 10.0 * np.arange(40))
 
     def problem() -> JointProblem:
         return JointProblem(pulses, POSE, SOURCE, STATE[:6].reshape(2, 3), array, NO_POSE_ERROR)

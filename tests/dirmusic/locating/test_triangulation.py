@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic import triangulate
+from tests.dirmusic.scenes import around
 
 SOURCE = np.array([12.0, 7.0])
 
@@ -14,8 +15,7 @@ def seen_from(positions: np.ndarray) -> np.ndarray:
 
 
 def on_an_arc(n: int) -> np.ndarray:
-    angle = np.linspace(0.3, 2.3, n)
-    return SOURCE + 6.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    return around(SOURCE, 6.0, 17.0, 132.0, n)
 
 
 def test_triangulation_of_exact_bearings() -> None:

@@ -36,7 +36,7 @@ def gain_of_helices(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> Float
 def pulses_of_helices(
     rng: np.random.Generator, pose: FloatArray, truth_m: FloatArray
 ) -> tuple[PulseBatch, FloatArray, NDArray[np.intp]]:
-    """`N_PULSES` of a source at each pose in the ring of helices; their poses, and the source's number."""
+    """Make `N_PULSES` of a source at each pose in the ring of helices, with their poses and the source's number."""
     azimuth, elevation, _ = sights(pose, truth_m, RING_M * [0.0, 0.0, 1.0])
     gain = gain_of_helices(azimuth + np.radians(2.0) * rng.normal(size=6), elevation) * np.exp(
         0.05 * rng.normal(size=6)
@@ -70,14 +70,6 @@ def drawn_drive(rng: np.random.Generator) -> FloatArray:
     return np.column_stack([np.linspace(-6.0, 6.0, N_POSES), np.zeros(N_POSES), rng.uniform(-np.pi, np.pi, N_POSES)])
 
 
-def semi_major_round_m(pattern_error: float) -> float:
-    """Return the half-axis after a circle that keeps the source in one direction of the array."""
-    at_rad = 2 * np.pi * np.arange(N_POSES) / N_POSES
-    pose = np.column_stack([3.0 * np.cos(at_rad), 3.0 * np.sin(at_rad), at_rad + np.radians(110.0)])
-    fix = locate(np.random.default_rng(11), pose, np.array([0.0, 0.0, 1.6]), pattern_error)
-    return ellipse95(fix.covariances_m2[0, :2, :2]).semi_major_m
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_fit_from_below_the_array_ends_above_ground(seed: int) -> None:
     """A mirrored pattern deviation explains the mirror image equally well: the prior decides."""
@@ -94,7 +86,12 @@ def test_fit_from_below_the_array_ends_above_ground(seed: int) -> None:
 
 
 def test_pattern_error_cancels_around_a_source() -> None:
-    assert semi_major_round_m(0.02) < 6.0 * semi_major_round_m(0.0)  # as noise of its direction: 15 times
+    """A circle that keeps the source in one direction of the array."""
+    at_rad = 2 * np.pi * np.arange(N_POSES) / N_POSES
+    pose = np.column_stack([3.0 * np.cos(at_rad), 3.0 * np.sin(at_rad), at_rad + np.radians(110.0)])
+    fixes = [locate(np.random.default_rng(11), pose, np.array([0.0, 0.0, 1.6]), error) for error in (0.0, 0.02)]
+    exact_m, uncertain_m = (ellipse95(fix.covariances_m2[0, :2, :2]).semi_major_m for fix in fixes)
+    assert uncertain_m < 6.0 * exact_m  # as noise of its direction: 15 times
 
 
 @pytest.mark.parametrize("elevation_deg", [10.0, 20.0, 30.0, 40.0, 45.0])

@@ -59,10 +59,8 @@ def test_pulse_adds_likelihood_only_where_it_points() -> None:
 
 def test_likelihood_is_additive_over_batches() -> None:
     rng = np.random.default_rng(4)
-    azimuth = rng.uniform(-np.pi, np.pi, 30)
-    pulses = pulses_from(azimuth, 1.0)._replace(std_rad=np.full(30, 0.02))
-    pose = np.zeros((30, 3))
-    pose[:, 0], pose[:, 1] = 0.6 * np.arange(30) + 0.1, 3.0  # no two of one place
+    pulses = pulses_from(rng.uniform(-np.pi, np.pi, 30), 1.0)._replace(std_rad=np.full(30, 0.02))
+    pose = np.arange(30.0)[:, np.newaxis] * [0.6, 0.0, 0.0] + [0.1, 3.0, 0.0]  # no two of one place
     at_once, in_parts = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID), YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
     at_once.add(pulses, pose)
     for rows in (slice(0, 0), slice(0, 7), slice(7, 30)):
