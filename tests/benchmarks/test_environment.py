@@ -1,6 +1,6 @@
-"""Speed of the environment relative to its physics, to robots of Gymnasium and to vector environments of Gymnasium.
+"""Speed of the environment compared with its physics, with Gymnasium robots and with Gymnasium vector environments.
 
-Lidar, sensing and direction finding are on. All sides run in turns, and the results are ratios.
+Lidar, sensing and direction finding are on. The compared functions run in turn, and the results are ratios.
 """
 
 import statistics
@@ -25,12 +25,12 @@ ROUNDS, LEAST_QUIET, MOST_ROUNDS = 30, 20, 150
 
 
 def median_seconds(*sides: Callable[[], int], undisturbed: Callable[[], int] | None = None) -> list[float]:
-    """Return the median seconds per step of each side, with the sides in turn.
+    """Return the median time per step of each function in seconds, running the functions in turn.
 
     Args:
-        sides: Functions that take some steps and return their number.
-        undisturbed: One of the sides, a pure loop of physics. Rounds in which it takes over 1.15 times its fastest are
-            disturbed by other processes and repeated.
+        sides: Functions to compare, which take some steps and return their number.
+        undisturbed: One of `sides`, which only steps the physics. Rounds in which it takes more than 1.15 times its
+            fastest time are disturbed by other processes; they are not counted, and more rounds are run.
     """
     for side in sides:
         side()
@@ -70,7 +70,7 @@ def random_steps(env: gymnasium.Env[Any, Any], n_steps: int = 300) -> Callable[[
 
 
 def vector_steps(envs: gymnasium.vector.VectorEnv[Any, Any, Any], n_steps: int = 12) -> Callable[[], int]:
-    """Make a function that takes random steps of a vector environment, counted by row."""
+    """Make a function that takes random steps in a vector environment, and counts the steps of all rows."""
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (n_steps, envs.num_envs, 2)).astype(np.float32)
     envs.reset(seed=0)
 
@@ -83,7 +83,7 @@ def vector_steps(envs: gymnasium.vector.VectorEnv[Any, Any, Any], n_steps: int =
 
 
 def bare_physics(n_steps: int = 300) -> Callable[[], int]:
-    """Make a function that runs only `mj_step` on the same model with the same substeps and wheel commands."""
+    """Make a function that calls only `mj_step`, with the environment's model and substeps and random wheel speeds."""
     model = PatrolEnv("bench").simulation.robots.physics
     data = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
     mujoco.mj_resetDataKeyframe(model, data, 0)  # pyright: ignore[reportAttributeAccessIssue]
@@ -123,8 +123,8 @@ def test_environment_is_as_fast_as_ant(options: dict[str, Any], least: float) ->
     ours_s, bare_s, ant_s = median_seconds(ours, bare, random_steps(ant), undisturbed=bare)
     over_ant = (STEP_S / ours_s) / (ant.unwrapped.dt / ant_s)  # pyright: ignore[reportAttributeAccessIssue]
     print(
-        f"{options['scenario']}: {1 / ours_s:.0f} steps a second, {bare_s / ours_s:.2f} of bare physics; "
-        f"{over_ant:.2f} times the simulated seconds of Ant-v5"
+        f"{options['scenario']}: {1 / ours_s:.0f} steps per second, {bare_s / ours_s:.2f} of the speed of physics; "
+        f"{over_ant:.2f} times the simulated time of Ant-v5"
     )
     assert over_ant >= least
 
@@ -145,8 +145,8 @@ def test_vector_environment_is_twice_as_fast() -> None:
     finally:
         in_processes.close()
     print(
-        f"\nnative vector environment, {N_ENVS} robots on {N_THREADS} threads: {single_s / native_s:.2f} times a "
-        f"single one, {sync_s / native_s:.2f} times SyncVectorEnv, {async_s / native_s:.2f} times AsyncVectorEnv"
+        f"\nnative vector environment, {N_ENVS} robots on {N_THREADS} threads: {single_s / native_s:.2f} times as fast "
+        f"as one environment, {sync_s / native_s:.2f} as SyncVectorEnv, {async_s / native_s:.2f} as AsyncVectorEnv"
     )
     assert single_s / native_s >= 2.0
     assert min(sync_s, async_s) / native_s >= 2.0

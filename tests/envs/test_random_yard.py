@@ -1,4 +1,4 @@
-"""Random yards are valid and determined by their seed, and their sources can be seen."""
+"""Random yards are valid and determined by their seed, and their sources are in sight of free ground."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def test_a_fifth_of_the_sources_is_off_the_sites() -> None:
     rng = np.random.default_rng(0)
     sources = [random_source(YARDS[k % len(YARDS)], rng) for k in range(600)]
     n_off = sum(source.position_m is not None for source in sources)
-    assert 90 <= n_off <= 150  # 120, and three standard deviations
+    assert 90 <= n_off <= 150  # 120 are expected; the band is three standard deviations wide on each side
     for k, source in enumerate(sources):
         assert set(source.sites) <= set(YARDS[k % len(YARDS)].site_names())
 

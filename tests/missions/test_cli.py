@@ -1,4 +1,4 @@
-"""The command line as a user meets it: real processes, real files."""
+"""Tests of the command line as users run it, with real processes and files."""
 
 import json
 import signal
@@ -23,7 +23,7 @@ HEAVY = ("mujoco", "numba", "rerun", "rich", "scipy", "tyro")
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    """Write a scenario that lasts four seconds."""
+    """Write a scenario that ends after four seconds, and return its path."""
     text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
     path = tmp_path / "short.toml"
     path.write_text(text + "\n[task]\ntime_limit_s = 4.0\n", encoding="utf-8")
@@ -119,7 +119,7 @@ def test_implausible_scenario_is_noted_and_used(verb: str, short: Path, tmp_path
 
 
 def run_until_parts(folder: Path) -> subprocess.Popen[str]:
-    """Start a mission into `folder` and wait until a part of its log is written."""
+    """Start a mission that writes to `folder`, and wait until a part of its log is written."""
     process = subprocess.Popen(
         [PDPATROL, "run", "one_source", "--out", str(folder)],
         cwd=folder.parent,

@@ -1,4 +1,4 @@
-"""Burst test in the shipped yards with all their echoes."""
+"""Rejection of bursts in the shipped yards, with all their multipath."""
 
 from dataclasses import replace
 
@@ -17,9 +17,9 @@ N_PLACES, N_SHOTS, RATE_HZ = 400, 2, 1000.0
 
 
 def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> float:
-    """Return the share of bursts among emissions of random sites, 6 to 20 dB above the trigger level.
+    """Return the share of triggers rejected as bursts, for emissions from random sites.
 
-    Polarisations are random; the robot stands at random free places.
+    The emissions are 6 to 20 dB above the trigger level. Polarisations and the places of the robot are random.
     """
     scenario, rng = load_scenario(name), np.random.default_rng(0)
     yard, array = scenario.yard, HelicalArray.nominal(scenario.array)

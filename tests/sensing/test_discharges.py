@@ -1,4 +1,4 @@
-"""Pulse trains over the phase of the mains, and the classification of their kind."""
+"""Phase-resolved pulse trains, and the classification of the kind of discharge."""
 
 from itertools import combinations
 from typing import get_args
@@ -16,7 +16,7 @@ CYCLES = 200
 
 
 def pulses(kind: KindName, rng: np.random.Generator, rate_hz: float = 20.0) -> tuple[np.ndarray, np.ndarray]:
-    """Draw phases and levels of 200 cycles of a defect on a random conductor, with 0.3 dB of noise."""
+    """Draw the phases and levels of pulses in 200 cycles of a defect on a random conductor, with 0.3 dB of noise."""
     train = PulseTrain.of_kind(kind, MAINS_HZ, float(rng.choice([0.0, 2.0, 4.0])) * np.pi / 3, rng)
     _, time_s, amplitude = train.times(rate_hz).draw(0.0, CYCLES / MAINS_HZ, rng)
     level = 20 * np.log10(np.abs(amplitude)) + rng.normal(0.0, 0.3, time_s.size)
@@ -99,7 +99,7 @@ def test_interferer_without_mains_phase_is_unknown(spread_db: float) -> None:
 
 
 def test_kind_is_independent_of_conductor_and_level() -> None:
-    phase, level = pulses("surface", np.random.default_rng(7))  # a void is the same turned by half a cycle
+    phase, level = pulses("surface", np.random.default_rng(7))  # unlike a void, changes when shifted by half a cycle
     plain = classify(phase, level)
     turned = classify(phase + np.radians(120.0), level - 37.0)
     assert (plain.kind, turned.kind) == ("surface", "surface")

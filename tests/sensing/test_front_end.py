@@ -1,4 +1,4 @@
-"""Band-pass: its response to noise and pulses; and the receiver compared with an independent one."""
+"""Response of the band-pass filter to noise and pulses, and comparison of the receiver with an independent one."""
 
 from dataclasses import replace
 
@@ -73,7 +73,7 @@ def test_tone_response_at_edge_and_interferer() -> None:
     "scene_number", [*range(4), *(pytest.param(number, marks=pytest.mark.whole) for number in range(4, 20))]
 )
 def test_detections_match_reference_receiver(scene_number: int) -> None:
-    """Rate, strengths and bearings near the trigger level, in scenes with reflections."""
+    """Compare rate, strengths and bearings near the trigger level, in scenes with reflections."""
     rng = np.random.default_rng(scene_number)
     wall_m, azimuth = rng.uniform(1.0, 6.0), rng.uniform(-np.pi, np.pi)
     turn = level_transform(np.array([0.0, 0.0, azimuth]))[:3, :3]

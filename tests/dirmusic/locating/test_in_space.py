@@ -1,4 +1,4 @@
-"""Sources above and below the array: height, obstruction, and the absence of pulses."""
+"""Sources above and below the array: height estimates, obstruction, and absence of pulses."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ TANK_TOP_M = 2.0
 
 
 def pulses_of(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.random.Generator) -> PulseBatch:
-    """Make two pulses of a source in space, in an array with gain errors."""
+    """Make two pulses of a source in space, received by an array with gain errors."""
     azimuth, elevation, range_m = sights(pose[np.newaxis], source_m)
     gain = gains * RING.response_in_space(azimuth - RING.boresights_rad, elevation).gain
     strengths = np.abs(0.8 / range_m * gain + rng.normal(0.0, NOISE_V, (2, 6)))
@@ -20,7 +20,7 @@ def pulses_of(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np
 
 
 def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = None, radius_m: float = 3.0) -> Locator:
-    """Drive a third of a circle around a source."""
+    """Drive about a third of a circle around a source, and return the Locator."""
     rng = np.random.default_rng(seed)
     gains, start_deg = np.exp(rng.normal(0.0, 0.05, 6)), rng.uniform(0.0, 360.0)
     locator = Locator(ARRAY, NO_POSE_ERROR, sight=sight)
@@ -43,13 +43,13 @@ def test_height_error_agrees_with_its_deviation(height_m: float) -> None:
 
 
 def test_height_deviation_covers_the_mirror_image() -> None:
-    """Sources equally far above and below the array give the same pulses: the deviation covers both."""
+    """Sources equally far above and below the array give the same pulses, so the standard deviation covers both."""
     (finding,) = drive_round(np.array([10.0, 10.0, 0.15]), 0, radius_m=1.5).findings
-    assert abs(finding.position_m[2] - 0.15) < 2.5 * finding.height_std_m  # of two modes, one is two away
+    assert abs(finding.position_m[2] - 0.15) < 2.5 * finding.height_std_m  # the two modes are two apart
 
 
 def over_the_tank(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -> np.ndarray:
-    """Return the transmission of a map with a tank that hides targets below `TANK_TOP_M` from everywhere."""
+    """Return the transmission for a map with a tank that hides targets below `TANK_TOP_M` from all places."""
     return np.full(len(places_m), float(target_m[2] > TANK_TOP_M))
 
 
@@ -75,7 +75,7 @@ def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
 
 
 def listen_in_silence(from_m: np.ndarray) -> Locator:
-    """Detect a candidate from one side for a while, and then nothing from near by or far away."""
+    """Detect a candidate from one side for six seconds, and then detect nothing at an offset `from_m` from it."""
     rng, source_m = np.random.default_rng(0), np.array([10.0, 10.0, 1.5])
     locator = Locator(ARRAY, NO_POSE_ERROR, sight=uniform_sight(1.0))
     for k in range(60):

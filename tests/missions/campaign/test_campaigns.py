@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 
 def campaign(number: int, *changes: dict[str, Any]) -> Trend:
-    """Run a mission a week in `two_sources` with changes of its sources; seeds and arrays differ."""
+    """Run one mission a week in `two_sources` with the given changes to its sources; seeds and arrays differ."""
     logs = list[MissionLog]()
     for week, changed in enumerate(changes):
         sources = [source.model_dump(exclude_unset=True) for source in load_scenario("two_sources").sources]

@@ -1,4 +1,4 @@
-"""Exports, read back with the readers of their formats."""
+"""Exported files, read back with standard readers of their formats."""
 
 import json
 from datetime import UTC, datetime
@@ -43,7 +43,7 @@ def folder(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read(path: Path) -> dict[str, list[tuple[int, Any]]]:
-    """Return times and contents of the messages of each topic of an MCAP file, whose messages are in order of time."""
+    """Return the times and contents of the messages of each topic of an MCAP file, and check their order in time."""
     messages: dict[str, list[tuple[int, Any]]] = {}
     last_ns = 0
     with path.open("rb") as file:
@@ -75,7 +75,7 @@ def test_geojson_is_valid(folder: Path, log: MissionLog) -> None:
     assert ring[0].tolist() == ring[-1].tolist()
     np.testing.assert_allclose(ring[:-1].mean(axis=0), point[:2], atol=1e-7)
     x, y = (ring - ring[0]).T
-    assert 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0.0  # counter-clockwise, as RFC 7946 asks
+    assert 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0.0  # counter-clockwise, as RFC 7946 requires
 
 
 def test_findings_csv_agrees_with_the_report(folder: Path, log: MissionLog) -> None:
@@ -130,7 +130,7 @@ def test_mcap_markers_have_the_size_of_the_yard(folder: Path, log: MissionLog) -
 
 
 def field_log(*time_s: float, date: str | None = None) -> MissionLog:
-    """Log of a survey of one pose, without truth and odometry."""
+    """Make the log of a survey from one pose, without truth and odometry."""
     array = {"boresights_rad": [0.0, 3.1]}
     log = MissionLog({"name": "survey", "seed": None, "policy": None, "n_elements": 2, "array": array, "date": date})
     for at_s in time_s:
@@ -154,7 +154,7 @@ def test_field_data_are_exported_without_truth_and_map(tmp_path: Path) -> None:
     field_log(1.0).save(folder)
     done = pdpatrol("export", folder.name, "--out", "out", cwd=tmp_path)
     assert done.returncode == 0
-    assert done.stderr == "note: no findings.geojson, as the scenario has no table [georeference]\n"
+    assert done.stderr == "note: findings.geojson was not written, because the scenario has no table [georeference]\n"
     names = {"findings.csv", "steps.parquet", "pulses.parquet", "mission.mcap"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert all(name in done.stdout for name in names)

@@ -1,4 +1,4 @@
-"""Fixtures of sweeps: a short mission, and policies that fail in different ways."""
+"""Fixtures for tests of sweeps: a short mission, and policies that fail in different ways."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ class Dies(Stands):
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with a scenario of eight seconds and policies that fail in different ways."""
+    """Return a folder with a scenario that ends after eight seconds, and policies that fail in different ways."""
     text = SHIPPED.read_text(encoding="utf-8")
     (tmp_path / "short.toml").write_text(f"{text}\n[task]\ntime_limit_s = 8.0\n", encoding="utf-8")
     (tmp_path / "own.py").write_text(POLICIES, encoding="utf-8")
