@@ -2,6 +2,7 @@
 
 import os
 import re
+import resource
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -12,9 +13,6 @@ import psutil
 import pytest
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
-
-WRITES_NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
-"""Environment of a process whose file sizes are limited: truncated bytecode would break later imports."""
 
 
 def without_screen() -> dict[str, str]:
@@ -36,6 +34,18 @@ def start_python(code: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]
         [sys.executable, "-c", code, *arguments],
         cwd=cwd, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def run_on_full_disk(words: list[str], n_bytes: int, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command whose files fail beyond a size, as they do on a full disk.
+
+    It writes no bytecode: what is cut off would break later imports.
+    """
+    return subprocess.run(
+        words, cwd=cwd, capture_output=True, text=True, timeout=120,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes)),
     )  # fmt: skip
 
 

@@ -1,7 +1,5 @@
 """How commands end: signals, a full disk, closed output, missing libraries."""
 
-import os
-import resource
 import signal
 import subprocess
 import sys
@@ -12,7 +10,7 @@ import pytest
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.replay.short_mission import short_mission
-from tests.processes import PDPATROL, WRITES_NO_BYTECODE, start_python
+from tests.processes import PDPATROL, run_on_full_disk, start_python
 
 pytestmark = pytest.mark.whole
 
@@ -105,16 +103,8 @@ with command_process(), output_folder(Path(sys.argv[2]), "") as folder:
     "limit_kb", [40, *(pytest.param(kb, marks=pytest.mark.slow) for kb in (0, 1, 8, 16, 80, 160, 320, 640))]
 )
 def test_full_disk_is_one_line_and_files_are_complete(limit_kb: int, mission: Path, tmp_path: Path) -> None:
-    """A limit on the size of files fails as a full disk does."""
     folder = tmp_path / "out"
-    done = subprocess.run(
-        [sys.executable, "-c", WRITES, str(mission), str(folder)],
-        cwd=tmp_path,
-        env={**os.environ, **WRITES_NO_BYTECODE, "PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1024 * limit_kb, 1024 * limit_kb)),
-    )
+    done = run_on_full_disk([sys.executable, "-c", WRITES, str(mission), str(folder)], 1024 * limit_kb, tmp_path)
     files = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
     if "log.npz" in files:
         assert MissionLog.load(folder).n_rows("step") == MissionLog.load(mission).n_rows("step")

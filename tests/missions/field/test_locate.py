@@ -14,7 +14,7 @@ from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.records import Report, read_report
 from tests.missions.conftest import Refused
 from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD, locate, log_of_table, orbit, survey, write
 from tests.processes import assert_times_add_up, pdpatrol
@@ -24,20 +24,18 @@ SOURCE_M = (11.0, 9.0, 1.5)
 
 @pytest.mark.whole
 def test_waveforms_and_strengths_give_the_same_position(tmp_path: Path) -> None:
-    truth = json.loads((EXAMPLE.parent / "truth.json").read_text())
-    positions_m = []
-    for table in ("strengths.csv", "waveforms.csv"):
-        done = pdpatrol("locate", EXAMPLE.parent / table, "--json", "--timing", "--out", table, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        assert_times_add_up(done.stderr, "reading", "locating", "log, report and recording")
-        report = json.loads(done.stdout)
-        assert report == json.loads((tmp_path / table / "report.json").read_text())
-        assert (len(report["findings"]), report["candidates"]) == (1, [])
-        positions_m.append(report["findings"][0]["position_m"][:2])
-        files = {"log.npz", "report.json", "report.html", "mission.rrd", "calibration.toml"}
-        assert {path.name for path in (tmp_path / table).iterdir()} == files
-    assert np.linalg.norm(np.subtract(*positions_m)) < 0.05
-    assert np.linalg.norm(positions_m[0] - np.array(truth["position_m"])[:2]) < 0.3
+    done = pdpatrol("locate", EXAMPLE.with_name("waveforms.csv"), "--json", "--timing", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert_times_add_up(done.stderr, "reading", "locating", "log, report and recording")
+    assert done.stdout == (tmp_path / "out" / "report.json").read_text()
+    files = {"log.npz", "report.json", "report.html", "mission.rrd", "calibration.toml"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == files
+    report, expected = read_report(done.stdout), locate(EXAMPLE, noise_v=None)
+    assert (len(report.findings), report.candidates) == (1, ())
+    place_m = np.array(report.findings[0].position_m)
+    assert np.linalg.norm(place_m - expected.findings[0].position_m) < 0.05
+    truth = json.loads(EXAMPLE.with_name("truth.json").read_text())
+    assert np.linalg.norm((place_m - truth["position_m"])[:2]) < 0.3
 
 
 def test_shipped_example_is_made_by_its_script(tmp_path: Path) -> None:
@@ -139,7 +137,7 @@ def test_dead_channel_is_noted_and_left_out(tmp_path: Path) -> None:
     assert data.channels.tolist() == [0, 1, 3, 4, 5]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_one_source_of_a_long_survey_is_one_finding(tmp_path: Path, seed: int) -> None:
     """A new source is fitted before its pulses make several findings."""
     corners_m = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 15.0], [0.0, 15.0], [0.0, 0.0]])

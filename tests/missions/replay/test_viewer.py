@@ -10,7 +10,7 @@ import subprocess
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -48,15 +48,15 @@ def started(*arguments: str, cwd: Path, on_screen: bool = False) -> Iterator[sub
         try:
             yield process
         finally:
-            children = below(process.pid)
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGINT)
-            assert_ended(process, children)
+            if process.poll() is None:
+                end(process)
 
 
-def assert_ended(process: subprocess.Popen[str], children: set[int]) -> None:
-    """Wait until a command and its children have ended, and kill those that have not."""
-    process.wait(timeout=20.0)
+def end(process: subprocess.Popen[str]) -> str:
+    """End a command and its processes as Ctrl-C does, and return the rest of its output."""
+    children = below(process.pid)
+    os.killpg(process.pid, signal.SIGINT)
+    output, _ = process.communicate(timeout=20.0)
     deadline = time.monotonic() + 15.0
     while (alive := {pid for pid in children if title(pid)}) and time.monotonic() < deadline:
         time.sleep(0.1)
@@ -64,6 +64,7 @@ def assert_ended(process: subprocess.Popen[str], children: set[int]) -> None:
         os.kill(pid, signal.SIGKILL)
     gc.collect()  # psutil's open files are closed, with a warning, in this test
     assert not alive
+    return output
 
 
 def read_address(process: subprocess.Popen[str]) -> str:
@@ -89,12 +90,8 @@ def test_web_viewer_listens_on_this_machine_alone(missions: Path) -> None:
         url = read_address(process)
         with urllib.request.urlopen(url.partition("?")[0], timeout=10) as answer:
             assert b"rerun" in answer.read().lower()
-        children = below(process.pid)
-        assert listening({process.pid, *children}) == {"127.0.0.1"}
-        process.send_signal(signal.SIGTERM)
-        assert_ended(process, children)
-        assert process.stdout is not None
-        assert len(process.stdout.readlines()) <= 1  # nothing from Rerun
+        assert listening({process.pid, *below(process.pid)}) == {"127.0.0.1"}
+        assert len(end(process).splitlines()) <= 1  # nothing from Rerun
 
 
 @NEEDS_SCREEN
@@ -108,8 +105,7 @@ def test_native_viewer_listens_on_this_machine_alone(verb: str, missions: Path, 
             time.sleep(0.2)
         time.sleep(3.0)
         assert listening(below(process.pid)) == {"127.0.0.1"}
-        os.killpg(process.pid, signal.SIGINT)
-        output, _ = process.communicate(timeout=20.0)
+        output = end(process)
     assert not [word for word in ("INFO", "WARN", "rerun+http") if word in output]
 
 

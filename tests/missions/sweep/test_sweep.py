@@ -3,7 +3,6 @@
 import json
 import os
 import random
-import resource
 import signal
 import subprocess
 import time
@@ -17,7 +16,7 @@ from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
 from pdpatrol.missions.sweep.pool import ATTEMPTS, run_job
 from tests.missions.conftest import Refused
-from tests.processes import PDPATROL, WRITES_NO_BYTECODE, pdpatrol
+from tests.processes import PDPATROL, pdpatrol, run_on_full_disk
 
 pytestmark = pytest.mark.whole
 
@@ -112,11 +111,8 @@ def begun(folder: Path, n_missions: int, n_rows: int) -> Dataset:
 def test_full_disk_is_reported_and_loses_no_row(folder: Path) -> None:
     begun(folder, 2, 1)
     kept = rows(folder / "out")
-    command = [PDPATROL, "sweep", "short.toml", "--workers", "1", "--seeds", "0-1", "--out", "out"]
-    done = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=120, env=os.environ | WRITES_NO_BYTECODE,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)),
-    )  # fmt: skip
+    words = [PDPATROL, "sweep", "short.toml", "--workers", "1", "--seeds", "0-1", "--out", "out"]
+    done = run_on_full_disk(words, 2000, folder)
     assert done.returncode == 1
     assert "a row could not be written" in done.stderr
     assert "Traceback" not in done.stderr
