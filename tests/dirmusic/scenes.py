@@ -1,5 +1,6 @@
 """A ring of six elements, its pulses and findings."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -79,20 +80,20 @@ def drawn_errors(rng: np.random.Generator, spread: ElementSpread = SPREAD) -> El
 
 def make_finding(**values: Any) -> Finding:  # noqa: ANN401 - any attribute of a finding
     """Make a candidate at the origin, with other values where they are given."""
-    usual: dict[str, Any] = {
-        "id": 1,
-        "state": "candidate",
-        "position_m": np.zeros(3),
-        "covariance_m2": 0.01 * np.eye(3),
-        "n_bearings": 100,
-        "first_detected_s": 0.0,
-        "last_detected_s": 0.0,
-        "confirmed_s": None,
-        "aperture_rad": 1.0,
-        "nearest_m": 3.0,
-        "level_db": LEVEL_DB,
-    }
-    return Finding(**usual | values)
+    usual = Finding(
+        id=1,
+        state="candidate",
+        position_m=np.zeros(3),
+        covariance_m2=0.01 * np.eye(3),
+        n_bearings=100,
+        first_detected_s=0.0,
+        last_detected_s=0.0,
+        confirmed_s=None,
+        aperture_rad=1.0,
+        nearest_m=3.0,
+        level_db=LEVEL_DB,
+    )
+    return replace(usual, **values)
 
 
 def pulses_from(azimuth: np.ndarray, strength_v: np.ndarray | float) -> PulseBatch:

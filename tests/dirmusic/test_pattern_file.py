@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dirmusic import GainManifold, GaussianPattern, InputFileError, estimate_bearings, read_pattern
+from dirmusic.angles import difference
 
 OFF = np.radians(np.linspace(-180.0, 180.0, 1441))
 SMOOTH = np.abs(np.abs(np.degrees(OFF) - 153.0)) > 4.0  # eq. (1) has a step there, which no spline follows
@@ -39,15 +40,15 @@ def test_pattern_of_file_is_neither_mirrored_nor_scaled(tmp_path: Path, name: st
     azimuth = np.radians(np.arange(0.5, 360.0, 7.0))
     strengths = GainManifold.ring(6).gain(azimuth).T[:, np.newaxis]
     found = estimate_bearings(strengths, GainManifold.ring(6, pattern)).azimuth_rad
-    assert np.degrees(np.abs(np.angle(np.exp(1j * (found - azimuth))))).max() < 0.3
+    assert np.degrees(np.abs(difference(found, azimuth))).max() < 0.3
 
 
 @pytest.mark.parametrize("is_measured", [True, False])
 def test_pattern_slopes_match_differences(tmp_path: Path, is_measured: bool) -> None:
     pattern = read_pattern(write(tmp_path / "p.csv", table())) if is_measured else GaussianPattern()
     angle, step = OFF[SMOOTH], 1e-6
-    difference = (pattern(angle + step) - pattern(angle - step)) / (2 * step)
-    np.testing.assert_allclose(pattern.gain_and_slope(angle)[1], difference, atol=1e-6)
+    expected = (pattern(angle + step) - pattern(angle - step)) / (2 * step)
+    np.testing.assert_allclose(pattern.gain_and_slope(angle)[1], expected, atol=1e-6)
 
 
 def decibels(rows: list[tuple[float, float]]) -> bytes:
@@ -78,7 +79,7 @@ def rows_with(at: int, row: tuple[float, float]) -> list[tuple[float, float]]:
         (rows_with(5, (-170.0, 0.3)), "line 7: angle_deg: must increase, -140 is followed by -170"),
         (rows_with(5, (-130.0, -0.3)), "line 7: gain: must be an amplitude ratio above 0.*, got '-0.3"),
         (rows_with(35, (185.0, 0.3)), r"strictly increasing within one turn \(2 pi\)"),
-        ([row for row in table() if abs(row[0]) > 25], "gap of 60.0 degrees after -30.0 degrees"),
+        ([row for row in table() if abs(row[0]) > 25], "step of 60.0 degrees after -30.0 degrees"),
         (table()[:3], "n >= 4"),
     ],
 )

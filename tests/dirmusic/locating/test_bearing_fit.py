@@ -52,8 +52,8 @@ def pulses_at(pose: np.ndarray, noise_rad: float) -> PulseBatch:
 def locate(
     pulses: PulseBatch,
     pose: np.ndarray,
-    spread: ElementSpread,
-    pose_error: PoseError,
+    spread: ElementSpread = SPREAD,
+    pose_error: PoseError = POSE_ERROR,
     solve: Solver = locate_by_bearings,
 ):
     fix = solve(
@@ -81,7 +81,7 @@ def test_ellipse_coverage_with_array_and_pose_errors(coarse: bool) -> None:
             common = manifold_error(RING, azimuths(pose), drawn_errors(rng))
             bearing = {"azimuth_rad": wrap(azimuths(pose) + common + rng.normal(0, np.radians(1.0), len(pose)))}
         believed = pose + wandering(rng, len(pose))
-        position, covariance = locate(pulses._replace(**bearing), believed, SPREAD, POSE_ERROR)
+        position, covariance = locate(pulses._replace(**bearing), believed)
         inside += is_inside95(position - SOURCE_M, covariance)
         square_m2 += float(np.square(position - SOURCE_M).sum()) / n_orbits
         semi_major_m += ellipse95(covariance).semi_major_m / n_orbits
@@ -117,7 +117,7 @@ def test_more_pulses_reduce_only_the_noise(
 
 def test_single_line_of_bearings_is_unknown_along() -> None:
     pose = np.column_stack([np.linspace(0.0, 15.0, 60), np.full(60, 15.0), np.zeros(60)])
-    _, covariance = locate(pulses_at(pose, np.radians(1.0)), pose, SPREAD, POSE_ERROR)
+    _, covariance = locate(pulses_at(pose, np.radians(1.0)), pose)
     assert np.sqrt(covariance[0, 0]) > 5.0
     assert np.sqrt(covariance[1, 1]) < 1.0
 
@@ -128,7 +128,7 @@ def test_outliers_move_the_position_little() -> None:
     pulses = pulses_at(pose, np.radians(1.0))
     azimuth_rad = pulses.azimuth_rad + rng.normal(0, np.radians(1.0), len(pose))
     azimuth_rad[::7] += rng.uniform(0.5, 2.0, azimuth_rad[::7].size)
-    position, _ = locate(pulses._replace(azimuth_rad=wrap(azimuth_rad)), pose, SPREAD, POSE_ERROR)
+    position, _ = locate(pulses._replace(azimuth_rad=wrap(azimuth_rad)), pose)
     assert np.linalg.norm(position - SOURCE_M) < 0.3
 
 

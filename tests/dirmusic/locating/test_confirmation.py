@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dirmusic.angles import wrap
 from dirmusic.locating.association import Assigner
 from dirmusic.locating.confirmation import disagreement, updated_state
 from dirmusic.locating.finding import Finding
@@ -74,8 +75,7 @@ def disagreement_of(wandering_rad: float, seed: int, n_pulses: int = 15) -> floa
     for k, angle in enumerate(np.linspace(0.0, 5.0, 40)):
         place, yaw = 5.0 * np.array([np.cos(angle), np.sin(angle)]), rng.uniform(-np.pi, np.pi)
         off = rng.normal(0.0, wandering_rad) + rng.normal(0.0, NOISE_RAD, n_pulses)
-        azimuth = np.mod(angle + np.pi - yaw + off + np.pi, 2 * np.pi) - np.pi
-        pulses = pulses_from(azimuth, 1.0)._replace(std_rad=np.full(n_pulses, NOISE_RAD))
+        pulses = pulses_from(wrap(angle + np.pi - yaw + off), 1.0)._replace(std_rad=np.full(n_pulses, NOISE_RAD))
         detections.append((float(k), [*place, yaw], pulses))
     record = record_of(*detections, array=replace(ARRAY, positions_m=np.zeros((6, 3))))
     return disagreement(record, np.arange(record.pulses.n_pulses), CANDIDATE, NO_ERRORS)

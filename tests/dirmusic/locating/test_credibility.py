@@ -27,8 +27,7 @@ def test_strengths_of_no_plane_wave_are_not_credible() -> None:
 @pytest.mark.parametrize("elevation_deg", [20.0, 37.0, 52.0, 70.0])
 def test_source_above_is_credible(elevation_deg: float) -> None:
     rng = np.random.default_rng(3)
-    azimuth, pointing = rng.uniform(-np.pi, np.pi, (200, 1)), rng.normal(0.0, np.radians(2.0), (200, 6))
-    off = azimuth - RING.boresights_rad - pointing
+    off = rng.uniform(-np.pi, np.pi, (200, 1)) - rng.normal(RING.boresights_rad, np.radians(2.0), (200, 6))
     gain = RING.response_in_space(off, np.full((200, 1), np.radians(elevation_deg))).gain
     pulses = pulses_of(0.5 * gain * (1.0 + rng.normal(0.0, 0.05, (200, 6))))
     assert np.mean(credible(pulses)) > 0.97

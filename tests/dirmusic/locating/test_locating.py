@@ -1,6 +1,7 @@
 """Locator: from pulses to findings, with an array that differs from its data sheet."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,12 +28,11 @@ from tests.dirmusic.scenes import (
 NOISE_V = 1e-3
 
 
-def make_locator(
-    fence_m: tuple[float, float] | None = (40.0, 30.0),
-    rules: LocatingRules | None = None,
-    sight: LineOfSight | None = None,
-) -> Locator:
-    return Locator(ARRAY, NO_POSE_ERROR, fence_m=fence_m, rules=rules, sight=sight)
+SOURCE_M = np.array([20.0, 15.0])
+
+
+def make_locator(**options: Any) -> Locator:  # noqa: ANN401
+    return Locator(ARRAY, NO_POSE_ERROR, **{"fence_m": (40.0, 30.0), **options})
 
 
 def update(locator: Locator, time_s: float, pose: np.ndarray, strengths: np.ndarray) -> tuple[Finding, ...]:
@@ -44,24 +44,25 @@ def update(locator: Locator, time_s: float, pose: np.ndarray, strengths: np.ndar
 
 
 def listen_along(
-    path: np.ndarray, sources: ArrayLike, seed: int, locator: Locator | None = None
+    path: np.ndarray,
+    sources: ArrayLike,
+    seed: int,
+    **options: Any,  # noqa: ANN401
 ) -> tuple[Locator, list[tuple[Finding, ...]]]:
     """Add two pulses of each source at each step, received by an array with errors."""
-    rng = np.random.default_rng(seed)
+    rng, locator = np.random.default_rng(seed), make_locator(**options)
     real = drawn_errors(rng).correct(RING)
-    locator = locator or make_locator()
     heading = np.gradient(path, axis=0)
     poses = np.column_stack([path, np.arctan2(heading[:, 1], heading[:, 0])])
     return locator, [update(locator, 0.1 * k, pose, received(pose, sources, real, rng)) for k, pose in enumerate(poses)]
 
 
 def test_ellipse_covers_the_source_despite_array_errors() -> None:
-    source = np.array([20.0, 15.0])
     errors, inside = [], 0
     for seed in range(20):
-        locator, _ = listen_along(around(source, 3.0, 10 * seed, 10 * seed + 110), [source], seed)
+        locator, _ = listen_along(around(SOURCE_M, 3.0, 10 * seed, 10 * seed + 110), SOURCE_M, seed)
         (finding,) = locator.findings
-        miss = finding.position_m[:2] - source
+        miss = finding.position_m[:2] - SOURCE_M
         errors.append(np.linalg.norm(miss))
         inside += is_inside95(miss, finding.covariance_m2[:2, :2])
         assert finding.state == "confirmed"
@@ -70,27 +71,24 @@ def test_ellipse_covers_the_source_despite_array_errors() -> None:
 
 
 def test_scattered_pulses_initiate_only_by_crossing() -> None:
-    source = np.array([20.0, 15.0])
-    path = around(source, 5.0, 0, 300, 20)
-    assert listen_along(path[::2], [source], seed=8)[0].findings == ()
+    path = around(SOURCE_M, 5.0, 0, 300, 20)[::2]
+    assert listen_along(path, SOURCE_M, seed=8)[0].findings == ()
     rules = LocatingRules(initiation_by_crossing=True, initiation_s=np.inf)
-    locator, _ = listen_along(path[::2], [source], 8, make_locator(rules=rules))
-    (finding,) = locator.refit(10.0)
-    np.testing.assert_allclose(finding.position_m[:2], source, atol=0.3)
+    (finding,) = listen_along(path, SOURCE_M, seed=8, rules=rules)[0].refit(10.0)
+    np.testing.assert_allclose(finding.position_m[:2], SOURCE_M, atol=0.3)
 
 
 def test_single_line_of_bearings_never_confirms() -> None:
-    source = np.array([30.0, 15.0])
     straight = np.column_stack([np.linspace(5.0, 27.5, 300), np.full(300, 15.0)])
-    locator, history = listen_along(straight, [source], seed=1)
+    locator, history = listen_along(straight, (30.0, 15.0), seed=1)
     assert all(finding.state == "candidate" for findings in history for finding in findings)
     assert locator.findings[0].aperture_rad < LocatingRules().confirm_aperture_rad
 
 
 def test_two_simultaneous_sources_are_two_findings() -> None:
     """Each with the pulses of its own source, apart from those in line with both."""
-    sources = np.array([(14.0, 15.0), (26.0, 15.0)])
-    locator, _ = listen_along(around((20.0, 15.0), 8.5, 0, 350, 150), list(sources), seed=3)
+    sources = np.add(SOURCE_M, [(-6.0, 0.0), (6.0, 0.0)])
+    locator, _ = listen_along(around(SOURCE_M, 8.5, 0, 350, 150), sources, seed=3)
     assert len(locator.findings) == 2
     association = locator.association().reshape(-1, 2, 2)  # (steps, sources, pulses)
     for own, source in enumerate(sources):
@@ -100,9 +98,8 @@ def test_two_simultaneous_sources_are_two_findings() -> None:
 
 
 def test_source_beyond_the_fence_is_outside() -> None:
-    source = (60.0, 15.0)
     path = np.column_stack([np.full(300, 35.0), np.linspace(3.0, 27.0, 300)])
-    locator, history = listen_along(path, [source], seed=4)
+    locator, history = listen_along(path, (60.0, 15.0), seed=4)
     assert [finding.state for finding in locator.findings] == ["outside"]
     assert not any(finding.state == "confirmed" for findings in history for finding in findings)
 
@@ -118,16 +115,17 @@ def test_noise_initiates_no_candidate() -> None:
 
 
 def test_bearings_solver_is_less_accurate_and_states_it() -> None:
-    source, found = np.array([20.0, 15.0]), dict[str, list[Finding]](joint=[], bearings=[])
-    for seed in range(5):
-        for solver, findings in found.items():
-            rules = LocatingRules(solver=solver)  # pyright: ignore[reportArgumentType]
-            path = around(source, 3.0, 10 * seed, 10 * seed + 110, 60)
-            findings += listen_along(path, [source], seed, make_locator(rules=rules))[0].findings
-    error_m = {key: np.median([np.linalg.norm(f.position_m[:2] - source) for f in each]) for key, each in found.items()}
-    semi_major_m = {key: np.median([f.semi_major_m for f in each]) for key, each in found.items()}
-    assert error_m["bearings"] > error_m["joint"]
-    assert semi_major_m["bearings"] > 1.3 * semi_major_m["joint"]
+    def medians_m(solver: str) -> np.ndarray:
+        """Return the median error and semi-major axis of five findings."""
+        rules = LocatingRules(solver=solver)  # pyright: ignore[reportArgumentType]
+        figures = []
+        for seed in range(5):
+            path = around(SOURCE_M, 3.0, 10 * seed, 10 * seed + 110, 60)
+            for found in listen_along(path, SOURCE_M, seed, rules=rules)[0].findings:
+                figures.append((np.linalg.norm(found.position_m[:2] - SOURCE_M), found.semi_major_m))
+        return np.median(figures, axis=0)
+
+    assert (medians_m("bearings") > [1.0, 1.3] * medians_m("joint")).all()
 
 
 WALL_Y_M = 15.0

@@ -11,19 +11,17 @@ from tests.dirmusic.scenes import RING, detected, record_of
 def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generator) -> PulseBatch:
     """Make pulses of amplitudes from 0.5 to 2 V, from azimuths (n,), with the same noise in all channels."""
     amplitude_v = rng.uniform(0.5, 2.0, azimuth_rad.size)
-    strengths_v = amplitude_v[:, np.newaxis] * RING.gain(azimuth_rad).T
-    strengths_v = strengths_v + rng.normal(0.0, noise_v, strengths_v.shape)
+    strengths_v = rng.normal(amplitude_v * RING.gain(azimuth_rad), noise_v).T
     return detected(strengths_v, noise_v)._replace(azimuth_rad=azimuth_rad, std_rad=noise_v / amplitude_v)
 
 
 def test_pooled_pulse_has_the_stated_noise() -> None:
-    rng = np.random.default_rng(3)
-    azimuth_rad, n_groups = np.full(20 * 2000, 0.7), 2000
+    n_groups = 2000
     group = np.repeat(np.arange(n_groups), 20)
-    one_each, pose = pool_pulses(noisy_pulses(azimuth_rad, 0.02, rng), np.zeros((group.size, 3)), group)
+    pulses = noisy_pulses(np.full(group.size, 0.7), 0.02, np.random.default_rng(3))
+    one_each, pose = pool_pulses(pulses, np.zeros((group.size, 3)), group)
     assert one_each.n_pulses == len(pose) == n_groups
-    shares = RING.gain(np.array([0.7]))[:, 0]
-    shares = shares / np.linalg.norm(shares)
+    shares = RING.gain(0.7) / np.linalg.norm(RING.gain(0.7))
     off = one_each.strengths_v - shares
     across = off - np.outer(off @ shares, shares)
     expected = one_each.variance_v2.mean() * 5.0
@@ -32,9 +30,7 @@ def test_pooled_pulse_has_the_stated_noise() -> None:
 
 
 def test_pooling_weights_by_noise_and_usable_channels() -> None:
-    rng = np.random.default_rng(4)
-    azimuth_rad = np.array([0.2, 3.0, 0.2, -3.0, 0.2])
-    pulses = noisy_pulses(azimuth_rad, 1e-6, rng)
+    pulses = noisy_pulses(np.array([0.2, 3.0, 0.2, -3.0, 0.2]), 1e-6, np.random.default_rng(4))
     is_usable = np.ones((5, 6), dtype=np.bool_)
     is_usable[0, 2] = is_usable[1, 4] = is_usable[3, 4] = False
     pose = np.array([[0.0, 1.0, 3.1], [5.0, 5.0, 0.0], [0.2, 1.0, -3.1], [5.0, 5.0, 0.0], [0.1, 1.0, np.pi]])
@@ -49,16 +45,13 @@ def test_pooling_weights_by_noise_and_usable_channels() -> None:
 
 def record_along(poses: np.ndarray, step_s: float) -> PulseRecord:
     """Record one pulse from straight ahead at each pose (n, 3)."""
-    ahead = np.zeros(1)
-    return record_of(
-        *((step_s * k, pose, noisy_pulses(ahead, 0.01, np.random.default_rng(k))) for k, pose in enumerate(poses))
-    )
+    pulse = noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(0))
+    return record_of(*((step_s * k, pose, pulse) for k, pose in enumerate(poses)))
 
 
 def test_pulses_pool_by_place_heading_and_time() -> None:
-    standing, turning, driving = np.zeros((100, 3)), np.zeros((100, 3)), np.zeros((100, 3))
-    turning[:, 2] = np.radians(2.0) * np.arange(100)
-    driving[:, 0] = 0.5 * np.arange(100)
+    steps = np.multiply.outer([[0.0, 0.0, 0.0], [0.0, 0.0, np.radians(2.0)], [0.5, 0.0, 0.0]], np.arange(100))
+    standing, turning, driving = steps.transpose(0, 2, 1)
     n_pooled = [
         record_along(poses, 0.01).pooled(np.arange(100), 120)[0].n_pulses for poses in (standing, turning, driving)
     ]

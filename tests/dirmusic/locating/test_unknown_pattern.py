@@ -14,7 +14,7 @@ from dirmusic.locating.finding import ellipse95, is_inside95
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.plane_wave import BearingErrors
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
-from tests.dirmusic.scenes import RING, RING_M, detected, sights
+from tests.dirmusic.scenes import RING, RING_M, detected, sights, with_bearings
 
 FloatArray = NDArray[np.float64]
 
@@ -101,8 +101,7 @@ def test_bearing_errors_off_the_plane_agree_with_deviation(elevation_deg: float)
     azimuth_rad = np.radians(np.arange(0.0, 360.0, 3.0))
     elevation_rad = np.full(azimuth_rad.size, np.radians(elevation_deg))
     strengths = gain_of_helices(azimuth_rad[:, np.newaxis], np.tile(elevation_rad[:, np.newaxis], 6))
-    table = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
-    bearing_rad = 2 * np.pi / len(table) * (strengths @ table.T).argmax(axis=-1)
+    bearing_rad = with_bearings(detected(strengths, 1e-3), array).azimuth_rad
     errors = BearingErrors(array)
     miss_rad = difference(bearing_rad, azimuth_rad + errors.by_elevation(azimuth_rad, elevation_rad))
     expected_rad2 = np.square(errors.std(azimuth_rad)) + errors.variance_off_plane(azimuth_rad, elevation_rad)
