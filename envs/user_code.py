@@ -55,8 +55,8 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
         own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__]
         own = [key for key in own if not key.startswith("_")]
         raise UserCodeError(
-            f"{_relative(file)}: no `{attribute}` in it; it has "
-            f"{', '.join(own[:20]) or 'no class and no function'}; expected {expected}"
+            f"{_relative(file)}: must define `{attribute}`, defines "
+            f"{', '.join(own[:20]) or 'no class or function'}; expected {expected}"
         )
     return getattr(module, attribute)
 

@@ -31,7 +31,7 @@ class GainPattern(Protocol):
     """Amplitude gain of one element in the plane of the array. Subclasses implement `gain_and_slope`."""
 
     def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
-        """Compute the gain, unitless and positive, at `off_boresight = azimuth - boresight` of any shape."""
+        """Compute the gain, unitless and positive, for `off_boresight = azimuth - boresight` of any shape."""
         return self.gain_and_slope(off_boresight_rad)[0]
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:

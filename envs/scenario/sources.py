@@ -15,7 +15,7 @@ from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond
 
 def _check_direction(direction: tuple[float, float, float]) -> tuple[float, float, float]:
     if hypot(*direction) < 1e-3:
-        raise ValueError(f"must be a vector other than zero, got {direction}")
+        raise ValueError(f"must not be the zero vector, got {direction}")
     return direction
 
 
@@ -111,7 +111,7 @@ class SourceConfig(Config, frozen=True):
         places = [key for key in ("sites", "position_m", "anywhere_at_m") if getattr(self, key) not in (None, ())]
         if len(places) != 1:
             given = " and ".join(places) or "none"
-            raise ValueError(f"sites, position_m, anywhere_at_m: one of them must be given, got {given}")
+            raise ValueError(f"sites, position_m, anywhere_at_m: exactly one must be given, got {given}")
         if self.active_s is not None and self.active_s[0] >= self.active_s[1]:
             raise ValueError(f"active_s: must start before it ends, got {self.active_s}")
         if self.n_shots is not None and self.kind is not None:

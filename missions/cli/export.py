@@ -1,4 +1,4 @@
-"""Command `pdpatrol export`: convert a mission to the formats of other tools."""
+"""`pdpatrol export`: convert a mission to the formats of other tools."""
 
 from __future__ import annotations
 

@@ -63,9 +63,9 @@ def test_wrong_name_lists_known_names(tmp_path: Path) -> None:
     write(
         tmp_path, "my.py", "from pathlib import Path", "class Gain: pass", "def level(): pass", "def _private(): pass"
     )
-    assert load_error("my.py:Gains", tmp_path) == "my.py: no `Gains` in it; it has Gain, level; expected a thing"
+    assert load_error("my.py:Gains", tmp_path) == "my.py: must define `Gains`, defines Gain, level; expected a thing"
     write(tmp_path, "empty.py", "x = 3")
-    assert "no `Gains` in it; it has no class and no function" in load_error("empty.py:Gains", tmp_path)
+    assert "must define `Gains`, defines no class or function" in load_error("empty.py:Gains", tmp_path)
 
 
 def test_import_error_names_the_line(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_failing_locator_ends_mission_with_complete_log(there: str, instead: str
 def test_invalid_locator_is_refused_before_the_start(tmp_path: Path) -> None:
     for code, message in (
         (GOOD.replace("def association", "def associate"), r"mine\.py:5: has no association"),
-        (GOOD.replace("class Mine", "class Yours"), r"no `Mine` in it; it has Yours"),
+        (GOOD.replace("class Mine", "class Yours"), r"must define `Mine`, defines Yours"),
         (GOOD.replace("fence_m, rules", "rules"), r"mine\.py:5: TypeError.*fence_m"),
     ):
         with pytest.raises(UserCodeError, match=message):

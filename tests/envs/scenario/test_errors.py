@@ -88,7 +88,7 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ({"campaign.number": -1}, "campaign.number: must be greater than or equal to 0, got -1"),
     # tables
     ({"campaign.date": "2026-01-04"}, "campaign.date: must not be before begins, 2026-01-05, got 2026-01-04"),
-    ({"sources": [{"name": "pd"}]}, "sources.0.sites, position_m, anywhere_at_m: one of them must be given, got none"),
+    ({"sources": [{"name": "pd"}]}, "sources.0.sites, position_m, anywhere_at_m: exactly one must be given, got none"),
     ({"sources": [{**GUN, "active_s": [9.0, 3.0]}]}, "sources.0.active_s: must start before it ends, got (9.0, 3.0)"),
     (
         {"sources": [{**GUN, "kind": "void", "n_shots": 5}]},
@@ -100,7 +100,7 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"sources": [{**GUN, "polarisation": [0.0, 0.0, 0.0]}]},
-        "sources.0.polarisation: must be a vector other than zero, got (0.0, 0.0, 0.0)",
+        "sources.0.polarisation: must not be the zero vector, got (0.0, 0.0, 0.0)",
     ),
     (
         {"receiver.band_hz": [1.5e9, 1.5000001e9]},

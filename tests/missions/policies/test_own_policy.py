@@ -155,7 +155,7 @@ def test_failing_policy_ends_mission_with_complete_log(name: str, message: str, 
         ("NoNumbers", "my.py:LINE: TypeError: 'str' object cannot be interpreted as an integer; expected a `phase`"),
         ("number", "int: TypeError: 'int' object is not callable; expected"),
         ("SpiesInVain", "my.py:LINE: RuntimeError: no; expected"),
-        ("Nobody", "my.py: no `Nobody` in it; it has Still, Draws, Fails"),
+        ("Nobody", "my.py: must define `Nobody`, defines Still, Draws, Fails"),
     ],
 )
 def test_invalid_policy_is_refused_before_the_start(name: str, message: str, file: Path) -> None:
