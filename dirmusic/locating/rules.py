@@ -105,9 +105,9 @@ class LocatingRules:
             `confirmation.disagreement`. Measured when findings were confirmed in cluttered yards: at most 1.5 for 35
             sources, 1.4 to 1.9 for multipath of a moving interferer.
         confirm_detection_rate: Share of the seconds in which the finding must have been detected, out of those in which
-            anything was detected near the finding and in sight of it. Multipath from one reflector arrives in few
-            places. A confirmed finding below half of this rate becomes a candidate again. Seconds in which all of its
-            pulses are too weak do not count. Without a map the condition is always met.
+            the robot was near the finding and in sight of it and detected anything. Multipath from one reflector
+            arrives in few places. A confirmed finding below half of this rate becomes a candidate again. Seconds in
+            which all of its pulses are too weak do not count. Without a map the condition is always met.
         ghost_detection_rate: A candidate with a smaller share of such seconds is a ghost.
         ghost_observed_s: Number of such seconds from which on the share counts against a candidate.
         ghost_silent_s: A candidate from which no pulse came in this many seconds near it and in sight of it is a ghost

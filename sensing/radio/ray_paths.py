@@ -249,8 +249,8 @@ def add_edges(
     """Add the paths around the edges of all boxes; arguments and results are those of `add_box`.
 
     Paths reflected by the ground are longer and weaker than the others. Assumed: if no path around an obstacle is
-    strong enough without the ground, none is with it. The obstacle with the deepest shadow is first, because paths
-    around it are strong, so that more of the other paths can be skipped.
+    strong enough without the ground, even in the absence of other obstacles, none is with it. The obstacle with the
+    deepest shadow is first, because paths around it are strong, so that more of the other paths can be skipped.
     """
     obstacles, shadows, deepest = around.obstacles, around.shadows, 0
     for k in range(obstacles.size):
