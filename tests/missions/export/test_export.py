@@ -15,8 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 from pyproj import Geod
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.scenario.map import GeoreferenceConfig
-from pdpatrol.missions.export.export_mission import export_mission, longitude_latitude
+from pdpatrol.missions.export.export_mission import export_mission
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
@@ -55,22 +54,16 @@ def read(path: Path) -> dict[str, list[tuple[int, Any]]]:
     return messages
 
 
-@pytest.mark.parametrize("latitude_deg", [-60.0, 0.0, 51.5])
-def test_longitude_latitude_keep_distance_and_heading(latitude_deg: float) -> None:
-    reference = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=7.4, heading_deg=20.0)
-    for place_m, azimuth_deg in (([0.0, 150.0], 20.0), ([150.0, 0.0], 110.0), ([150.0, 150.0], 65.0)):
-        place = longitude_latitude(np.array(place_m), reference)
-        azimuth, _, distance_m = Geod(ellps="WGS84").inv(7.4, latitude_deg, *place)
-        assert distance_m == pytest.approx(np.hypot(place_m[0], place_m[1]), abs=0.01)
-        assert azimuth == pytest.approx(azimuth_deg, abs=0.01)
-
-
-def test_geojson_is_valid(folder: Path, log: MissionLog) -> None:
+def test_geojson_has_findings_and_their_ellipses_on_the_map(folder: Path, log: MissionLog) -> None:
     text = (folder / "findings.geojson").read_text(encoding="utf-8")
     collection = FeatureCollection.model_validate_json(text)
     report = make_report(log, 0.0)
     assert len(collection.features) == 2 * (len(report.findings) + len(report.candidates)) > 0
     point, ellipse = (feature["geometry"]["coordinates"] for feature in json.loads(text)["features"][:2])
+    x_m, y_m, _ = [*report.findings, *report.candidates][0].position_m
+    azimuth_deg, _, distance_m = Geod(ellps="WGS84").inv(PLACE["longitude_deg"], PLACE["latitude_deg"], *point[:2])
+    assert distance_m == pytest.approx(np.hypot(x_m, y_m), abs=0.01)
+    assert azimuth_deg == pytest.approx(PLACE["heading_deg"] + np.degrees(np.arctan2(x_m, y_m)), abs=0.02)
     ring = np.array(ellipse[0])
     assert ring[0].tolist() == ring[-1].tolist()
     np.testing.assert_allclose(ring[:-1].mean(axis=0), point[:2], atol=1e-7)

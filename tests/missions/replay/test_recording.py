@@ -196,6 +196,6 @@ def test_phase_pattern_has_levels_in_decibels(drawn: Entities, log: MissionLog) 
     for number, (pulses, _) in patterns.items():
         points, steps = drawn[f"phase_pattern/{number}"]["positions"], log.column("pulse", "step")[pulses.pulse]
         assert set(points) == set(steps.tolist())
-        y = np.concatenate([points[step] for step in sorted(points)])[:, 1]
+        y = np.concatenate(list(points.values()))[:, 1]
         above_db, level_db = np.sort(-y / UNITS_PER_DB), np.sort(pulses.level_db)
         np.testing.assert_allclose(above_db - above_db[0], level_db - level_db[0], atol=1e-4)
