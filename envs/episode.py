@@ -15,9 +15,6 @@ from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain,
 
 FloatArray = NDArray[np.float64]
 
-MAX_SOURCE_HEIGHT_M = 100.0
-"""Maximum height of a source that is set at a reset. Assumed; 400 kV gantries are about 30 m high."""
-
 
 class Generators(NamedTuple):
     """Random generators of one episode, one per subsystem, so that extra draws in one do not change the others.
@@ -84,10 +81,7 @@ class ResetOptions(NamedTuple):
                 raise ValueError(f"`options`: no source `{name}`; available: {', '.join(names) or 'none'}")
             is_site = isinstance(place, str)
             place_m = yard.site_position(place) if is_site else _three_numbers(f"source `{name}`", place)
-            error = position_error(yard, place_m)
-            if place_m[2] > MAX_SOURCE_HEIGHT_M:
-                error = f"must be at most {MAX_SOURCE_HEIGHT_M:g} m above the ground, got {place_m[2]:g}"
-            if error is not None:
+            if error := position_error(yard, place_m):
                 raise ValueError(f"`options`: source `{name}` {error}")
             sources_m[name] = place_m
         return cls(start, sources_m)
@@ -108,16 +102,14 @@ class Episode:
     """Ground truth of one episode.
 
     Attributes:
-        sources: Discharges.
-        interferers: Sources of impulses beyond the fence.
+        sources_m: Positions of the discharges, world frame, shape (n_sources, 3).
         array: Array with its errors.
         scene: All radiating sources and their surroundings.
         start_pose: Pose of the robot at the start, x m, y m, yaw rad, shape (3,).
         truth: Sources, interferers and array as plain data, for logs and scores.
     """
 
-    sources: tuple[DischargeSource, ...]
-    interferers: tuple[DischargeSource, ...]
+    sources_m: FloatArray
     array: HelicalArray
     scene: Scene
     start_pose: FloatArray
@@ -151,13 +143,13 @@ class Episode:
             )
             for item in scenario.carriers
         ]
-        yaw_rad, dock_yaw_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
-        yaw_rad = yaw_rad if dock_yaw_deg is None else float(np.radians(dock_yaw_deg))
+        yaw_rad = rng.uniform(-np.pi, np.pi)  # drawn even where it is not used, so that it changes nothing else
+        if scenario.route.dock_yaw_deg is not None:
+            yaw_rad = np.radians(scenario.route.dock_yaw_deg)
         array = HelicalArray.draw(scenario.array, rng)  # last, so that the size of the array changes nothing else
         start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
         return cls(
-            sources=sources,
-            interferers=interferers,
+            sources_m=np.array([source.position_m for source in sources]).reshape(-1, 3),
             array=array,
             scene=Scene([*sources, *interferers], surroundings, carriers),
             start_pose=np.array(start, dtype=np.float64),

@@ -39,9 +39,11 @@ class SimulatedEnv:
 
     Attributes:
         simulation: The simulation of all robots.
+        closed: Whether the environment has been closed.
     """
 
     simulation: Simulation
+    closed: bool = False
     _spec: EnvSpec | None = None
 
     @property
@@ -62,11 +64,11 @@ class SimulatedEnv:
             max_episode_steps=self.simulation.max_episode_steps,
         )
 
-    def _check_call(self, call: str, *, is_closed: bool, needs_reset: bool = True) -> None:
+    def _check_call(self, call: str) -> None:
         """Raise Gymnasium's error for a call after `close` or before `reset`."""
-        if is_closed:
+        if self.closed:
             raise error.ClosedEnvironmentError(f"Cannot call env.{call}() after calling env.close()")
-        if needs_reset and not self.simulation.has_begun:
+        if call != "reset" and not self.simulation.has_begun:
             raise error.ResetNeeded(f"Cannot call env.{call}() before calling env.reset()")
 
 
@@ -206,7 +208,6 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         self.render_mode = render_mode
         self._camera: Camera | None = None
         self._terminate_on_approach, self._full_info = terminate_on_approach, full_info
-        self._is_closed = False
         resolved = resolve_scenario(scenario)
         self._draw_scenario = resolved if callable(resolved) else None
         self._enter(resolved(np.random.default_rng(0)) if callable(resolved) else resolved)
@@ -225,7 +226,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             seed: Seed of everything that is drawn; None to continue with the present generator.
             options: Values to set in place of drawing them; see the class.
         """
-        self._check_call("reset", is_closed=self._is_closed, needs_reset=False)
+        self._check_call("reset")
         seed, values = None if seed is None else operator.index(seed), ResetOptions()
         if self._draw_scenario is None:
             values = ResetOptions.parse(options, self.scenario)
@@ -244,12 +245,12 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             self.render()
         info = self._info()
         if self._full_info:
-            info["truth"] = copy.deepcopy(self.simulation.episode(0).truth)
+            info["truth"] = copy.deepcopy(self.simulation.truths[0])
         return self._observation(), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s and listen."""
-        self._check_call("step", is_closed=self._is_closed)
+        self._check_call("step")
         simulation, states = self.simulation, self.simulation.states
         simulation.step(simulation.robot.command_from_action(check_actions(action, (2,)))[np.newaxis])
         if self.render_mode == "human":
@@ -276,14 +277,14 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
                 'gymnasium.make("pdpatrol:PDPatrol-v0", render_mode="rgb_array").'
             )
             return None
-        self._check_call("render", is_closed=self._is_closed)
+        self._check_call("render")
         if self._camera is None:
             self._camera = Camera(self.simulation.robots.model, self.render_mode)
         return self._camera.take(self.simulation.robots.data())
 
     def close(self) -> None:
         """Close the environment with its window and renderer; closing twice is allowed."""
-        self._is_closed = True
+        self.closed = True
         self._close_camera()
 
     def _close_camera(self) -> None:

@@ -7,9 +7,6 @@ from math import inf
 
 import numpy as np
 
-from dirmusic.array.bounds import perpendicular_slope
-from dirmusic.locating.rules import CredibilityRules
-from pdpatrol.envs.scenario.array import data_sheet
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.sensing.receiver.receiver import Receiver
 
@@ -17,42 +14,8 @@ REFLECTION_MARGIN_DB = 6.0
 """Gain that reflections may add to the direct path. Assumed; two coherent paths of equal strength."""
 
 
-def plausibility(scenario: Scenario) -> list[str]:
-    """List notes on a valid scenario, each as `key: note`."""
-    return [*_angle_notes(scenario), *_array_notes(scenario), *_source_notes(scenario)]
-
-
-def _angle_notes(scenario: Scenario) -> Iterator[str]:
-    """Yield notes on angles that are within 0.002 of a multiple of pi / 12."""
-    angles_deg = {f"yard.equipment.{i}.yaw_deg": item.yaw_deg for i, item in enumerate(scenario.yard.equipment)}
-    angles_deg |= {f"map.extra.{i}.yaw_deg": item.yaw_deg for i, item in enumerate(scenario.map.extra)}
-    angles_deg |= {"route.dock_yaw_deg": scenario.route.dock_yaw_deg or 0.0}
-    angles_deg |= {f"carriers.{i}.bearing_deg": item.bearing_deg for i, item in enumerate(scenario.carriers)}
-    for key, angle_deg in angles_deg.items():
-        twelfths = abs(angle_deg) / (np.pi / 12)
-        if 1 <= round(twelfths) <= 24 and abs(twelfths - round(twelfths)) * np.pi / 12 < 2e-3:
-            yield f"{key}: {angle_deg:g} degrees looks like radians, which would be {np.degrees(angle_deg):.0f} degrees"
-
-
-def _array_notes(scenario: Scenario) -> Iterator[str]:
-    """Yield a note if errors of the array turn bearings by more than a pulse of accepted accuracy."""
-    model, config = data_sheet(scenario.array), scenario.array
-    gain, spread = model.manifold.search_gain, model.spread
-    turning = np.square(perpendicular_slope(gain, model.manifold.search_slope)).sum(axis=0)
-    energy = np.square(gain).sum(axis=0)
-    by_offset = model.manifold.n_elements * spread.offset**2 / energy
-    std_rad = float(np.median(np.sqrt((spread.gain**2 + spread.pointing_rad**2 + by_offset) * energy / turning)))
-    max_rad = CredibilityRules().max_std_rad
-    if std_rad > max_rad:
-        yield (
-            f"array: gain_error {config.gain_error:g}, pointing_error_deg {config.pointing_error_deg:g} and "
-            f"gain_offset {config.gain_offset:g} turn bearings by some {np.degrees(std_rad):.0f} degrees; pulses are "
-            f"used up to a standard deviation of {np.degrees(max_rad):.0f} degrees"
-        )
-
-
-def _source_notes(scenario: Scenario) -> Iterator[str]:
-    """Yield notes on sources that never discharge or cannot be detected."""
+def plausibility(scenario: Scenario) -> Iterator[str]:
+    """Yield notes on sources that never discharge or cannot be detected, each as `key: note`."""
     receiver = Receiver(scenario.receiver, scenario.array.n_channels)
     if scenario.receiver.full_scale_v <= receiver.threshold_v:
         yield (

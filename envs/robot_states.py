@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,13 +110,9 @@ class RobotStates(NamedTuple):
             "is_usable": (n_elements,),
             "spectrum_gain": (n_elements, SPECTRUM_AZIMUTHS_RAD.size),
         }
-        flags = (
-            "approached", "waypoints_visited", "success", "touched", "fell_over", "terminated", "truncated",
-            "is_usable",
-        )  # fmt: skip
         arrays: list[Any] = [
-            np.zeros((n_robots, *shapes.get(field, ())), np.bool_ if field in flags else np.float64)
-            for field in cls._fields
+            np.zeros((n_robots, *shapes.get(field, ())), np.bool_ if kind == BoolArray else np.float64)
+            for field, kind in get_type_hints(cls).items()
         ]
         return cls(*arrays)
 

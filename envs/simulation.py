@@ -86,6 +86,8 @@ class Simulation:
         max_episode_steps: Steps after which an episode is truncated.
         states: States of the robots, with the results of the last step or start.
         info: Arrays of `states` that the environments report, by key.
+        truths: Ground truth of the episode of each robot, empty before the first start.
+        generators: Random generators of the episode of each robot.
         pulse_rows: Robot of each pulse of the last step, shape (n_pulses,), not decreasing.
         pulses: Pulses of the last step of all robots with their bearings.
         suspects: Channels newly found faulty, for each robot.
@@ -116,8 +118,8 @@ class Simulation:
         self._n_threads = n_threads or os.cpu_count() or 1
         self._surroundings = surroundings_of(scenario.yard, second_order=scenario.radio.second_order)
         self._all_rows = np.arange(n_robots)
-        self._episodes: list[Episode | None] = [None] * n_robots
-        self._generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
+        self.truths: list[dict[str, Any]] = [{}] * n_robots
+        self.generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
         self._monitors = [ChannelMonitor(self.array, self.estimator) for _ in range(n_robots)]
         self._receivers: ReceiverBank | None = None
         self.pulse_rows = self._all_rows[:0]
@@ -127,32 +129,23 @@ class Simulation:
     @property
     def has_begun(self) -> bool:
         """True once every robot has been started."""
-        return None not in self._episodes
-
-    def episode(self, row: int) -> Episode:
-        """Return the ground truth of a robot's episode."""
-        episode = self._episodes[row]
-        assert episode is not None, "start first"
-        return episode
-
-    def generators(self, row: int) -> Generators:
-        """Return the random generators of a robot's episode."""
-        return self._generators[row]
+        return self._receivers is not None
 
     def start(self, rows: Rows, rngs: Sequence[np.random.Generator], options: ResetOptions) -> None:
-        """Start new episodes in some rows, each with its generator."""
+        """Start new episodes in some rows, each with its generator; the first start must be of all rows."""
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, each, options) for each in spawned]
-        for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
-            self._episodes[row], self._generators[row] = episode, generators
-            self._monitors[row], self.suspects[row] = ChannelMonitor(self.array, self.estimator), ()
-            self.states.sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
-            if self._receivers is not None:
-                self._receivers.replace(row, _listener(episode, generators))
+        listeners = [
+            Listener(array=episode.array, scene=episode.scene, nature_rng=own.nature, receiver_rng=own.receiver)
+            for episode, own in zip(drawn, spawned, strict=True)
+        ]
         if self._receivers is None:
-            episodes = [episode or drawn[0] for episode in self._episodes]
-            listeners = [_listener(*pair) for pair in zip(episodes, self._generators, strict=True)]
             self._receivers = ReceiverBank(self.scenario.receiver, listeners, self._n_threads)
+        for k, row in enumerate(rows.tolist()):
+            self._receivers.replace(row, listeners[k])
+            self.truths[row], self.generators[row] = drawn[k].truth, spawned[k]
+            self._monitors[row], self.suspects[row] = ChannelMonitor(self.array, self.estimator), ()
+            self.states.sources_m[row] = drawn[k].sources_m[:, :2]
         going_on = ~np.isin(self.pulse_rows, rows)
         self.pulse_rows, self.pulses = self.pulse_rows[going_on], self.pulses.take(going_on)
         self.states.is_usable[rows] = True
@@ -163,7 +156,7 @@ class Simulation:
         start_robots(self._held, self.robots.readings.values, rows)
         odometry = self.scenario.odometry
         for row in rows.tolist():
-            scale, bias = self._generators[row].motion.standard_normal(2)
+            scale, bias = self.generators[row].motion.standard_normal(2)
             radius_m = self.robot.wheel_radius_m * (1.0 + odometry.wheel_radius_error * scale)
             self.states.metres_per_radian[row] = radius_m
             self.states.gyro_bias_radps[row] = np.radians(odometry.gyro_bias_deg_per_min) / 60.0 * bias
@@ -201,8 +194,8 @@ class Simulation:
 
     def _draw_noise(self, rows: Rows) -> None:
         for row in rows.tolist():
-            self._generators[row].motion.standard_normal(out=self.states.motion_normal[row])
-            self._generators[row].lidar.standard_normal(out=self.states.lidar_normal[row])
+            self.generators[row].motion.standard_normal(out=self.states.motion_normal[row])
+            self.generators[row].lidar.standard_normal(out=self.states.lidar_normal[row])
 
     def _watch_channels(self, row: int, own: slice) -> None:
         """Search the pulses of one robot for channels newly faulty, and take its bearings from the others."""
@@ -223,9 +216,3 @@ class Simulation:
         """Return the gains of the good channels (n_elements,) towards the observed azimuths, scaled to unit norm."""
         gain = self.array.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * good[:, np.newaxis]
         return gain / np.linalg.norm(gain, axis=0)
-
-
-def _listener(episode: Episode, generators: Generators) -> Listener:
-    return Listener(
-        array=episode.array, scene=episode.scene, nature_rng=generators.nature, receiver_rng=generators.receiver
-    )

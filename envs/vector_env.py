@@ -124,16 +124,9 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             seed: Row i gets `seed + i`; or a list with one seed per row. None continues with the present generators.
             options: `reset_mask`, boolean, shape (num_envs,), and the options of `PatrolEnv.reset`.
         """
-        self._check_call("reset", is_closed=self.closed, needs_reset=False)
-        others = {k: v for k, v in options.items() if k != "reset_mask"} if isinstance(options, Mapping) else options
-        mask, values = self._reset_mask(options), ResetOptions.parse(others, self.scenario)
-        self._start(np.flatnonzero(mask), values, self._seeds(seed))
-        return self._observation(), self._info(mask)
-
-    def _reset_mask(self, options: Any) -> BoolArray:  # noqa: ANN401 - users may pass anything
-        if not isinstance(options, Mapping) or "reset_mask" not in options:
-            return self._all_rows
-        mask = options["reset_mask"]
+        self._check_call("reset")
+        others = {} if options is None else dict(options)
+        mask = others.pop("reset_mask", self._all_rows)
         is_mask = isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,) and mask.dtype == np.bool_
         if not is_mask or not mask.any():
             raise ValueError(
@@ -142,17 +135,17 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             )
         if not (mask.all() or self.simulation.has_begun):
             raise error.ResetNeeded("Cannot reset some rows before calling env.reset() for all of them")
-        return mask
+        self._start(np.flatnonzero(mask), ResetOptions.parse(others, self.scenario), self._seeds(seed))
+        return self._observation(), self._info(mask)
 
     def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - users may pass anything
         """Return a seed or None for each row."""
         if seed is None:
             return [None] * self.num_envs
-        if np.ndim(seed) == 0:
-            return [operator.index(seed) + row for row in range(self.num_envs)]
-        if len(seed) != self.num_envs:
+        seeds = seed if np.ndim(seed) else range(seed, seed + self.num_envs)
+        if len(seeds) != self.num_envs:
             raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
-        return [None if each is None else operator.index(each) for each in seed]
+        return [None if each is None else operator.index(each) for each in seeds]
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -181,7 +174,7 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all robots for 0.1 s and listen."""
-        self._check_call("step", is_closed=self.closed)
+        self._check_call("step")
         simulation, states, was_over = self.simulation, self.simulation.states, self._is_over
         commands = simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
         if was_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:

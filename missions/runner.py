@@ -110,7 +110,7 @@ class Mission:
         array, rules = simulation.array, scenario.locating.rules()
         locator = make_locator(scenario, self.site_map, array, rules)
         self._observation, info = self.env.reset(seed=seed)
-        self.policy = make_policy(policy, simulation.generators(0).policy)
+        self.policy = make_policy(policy, simulation.generators[0].policy)
         self._happened: list[tuple[EventKind, str, int, str]] = []
         self.log = MissionLog(self._meta(scenario, policy, seed, info))
         self._tracker = Tracker(self.log, locator, array, pose_error, simulation.estimator, rules.credibility)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from dirmusic import ArrayModel, ElementSpread, InputFileError
@@ -20,8 +18,6 @@ from pdpatrol.envs.scenario.base import Config, as_tuples, error_lines, read_tom
 from pdpatrol.sensing import ArrayConfig, HelicalArray
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
 from pdpatrol.sensing.quantities import PLAIN_ZERO
-
-FloatArray = NDArray[np.float64]
 
 
 def _resolve_patterns(table: object, info: ValidationInfo) -> object:
@@ -65,154 +61,99 @@ MAX_ELEMENTS = 32
 
 Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
 Numbers = Annotated[tuple[Number, ...], Field(max_length=N_KINDS * MAX_ELEMENTS)]
-Spread = Annotated[float, Field(ge=0.0, le=1000.0), PLAIN_ZERO]
 Total = Annotated[int, Field(ge=1, le=10**12)]
 
 
-class CalibratedArray(Config, frozen=True):
-    """Identity of a calibrated array: its data sheet and its serial number."""
-
-    serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
-    """Serial number, as in `sensing.ArrayConfig`; None for field data."""
-    boresights_deg: Annotated[Numbers, Field(min_length=1, max_length=MAX_ELEMENTS)]
-    boresight_elevations_deg: Numbers
-    positions_m: tuple[tuple[Number, Number, Number], ...] = Field(max_length=MAX_ELEMENTS)
-    pattern_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", max_length=64)
-    """SHA-256 of the element gain at each whole degree off boresight, rounded to six decimals."""
-    gain_error: Spread
-    pointing_error_deg: Spread
-    offset_error: Spread
-    """Standard deviation of the gain offsets, in units of gain."""
-    pattern_error: Spread
-
-    @classmethod
-    def of(cls, array: ArrayModel, serial_number: int | None) -> Self:
-        """Make the identity of an array."""
-        manifold, spread = array.manifold, array.spread
-        pattern = np.round(manifold.pattern(np.radians(np.arange(-180.0, 180.0))), 6).tolist()
-        return cls(
-            serial_number=serial_number,
-            boresights_deg=_rounded(np.degrees(manifold.boresights_rad)),
-            boresight_elevations_deg=_rounded(np.degrees(manifold.boresight_elevations_rad)),
-            positions_m=tuple((x, y, z) for x, y, z in np.round(array.positions_m, 6).tolist()),
-            pattern_sha256=hashlib.sha256(json.dumps(pattern).encode()).hexdigest(),
-            gain_error=round(spread.gain, 9),
-            pointing_error_deg=round(float(np.degrees(spread.pointing_rad)), 9),
-            offset_error=round(spread.offset, 9),
-            pattern_error=round(spread.pattern, 9),
-        )
-
-
-class CalibratedErrors(Config, frozen=True):
-    """Estimated errors of the elements and their covariance, as in `dirmusic.ElementErrors`."""
-
-    gain: Annotated[Numbers, Field(min_length=1, max_length=MAX_ELEMENTS)]
-    pointing_rad: Numbers
-    offset: Numbers
-    covariance: tuple[Numbers, ...] = Field(max_length=N_KINDS * MAX_ELEMENTS)
-    """Lower triangle, row by row, of gain errors, then pointing errors, then offsets."""
-
-    @model_validator(mode="after")
-    def _check_shapes(self) -> Self:
-        n = len(self.gain)
-        for name in ("pointing_rad", "offset"):
-            if len(getattr(self, name)) != n:
-                raise ValueError(f"{name}: must have {n} numbers, as gain has, got {len(getattr(self, name))}")
-        if [len(row) for row in self.covariance] != list(range(1, N_KINDS * n + 1)):
-            raise ValueError(f"covariance: must have {N_KINDS * n} rows of 1, 2, 3 and so on numbers")
-        eigenvalues = np.linalg.eigvalsh(self.estimated().covariance)
-        if eigenvalues[0] < -1e-9 * eigenvalues[-1]:  # allows for rounding in the file
-            raise ValueError(f"covariance: must be positive semi-definite, got the eigenvalue {eigenvalues[0]:.3g}")
-        return self
-
-    @classmethod
-    def of(cls, errors: EstimatedErrors) -> Self:
-        """Convert arrays to plain numbers."""
-        return cls(
-            gain=tuple(errors.mean.gain.tolist()),
-            pointing_rad=tuple(errors.mean.pointing_rad.tolist()),
-            offset=tuple(errors.mean.offset.tolist()),
-            covariance=tuple(tuple(row[: i + 1]) for i, row in enumerate(errors.covariance.tolist())),
-        )
-
-    def estimated(self) -> EstimatedErrors:
-        """Convert plain numbers to arrays."""
-        n = len(self.gain)
-        lower = np.zeros((N_KINDS * n, N_KINDS * n))
-        for i, row in enumerate(self.covariance):
-            lower[i, : i + 1] = row
-        covariance = lower + np.tril(lower, -1).T
-        return EstimatedErrors.of_states(np.array([*self.gain, *self.pointing_rad, *self.offset]), covariance, n)
+def data_sheet_sha256(array: ArrayModel) -> str:
+    """Return a digest of the data sheet: directions, positions, element pattern and spread, to six decimals."""
+    manifold, spread = array.manifold, array.spread
+    numbers = np.concatenate(
+        [
+            manifold.boresights_rad,
+            manifold.boresight_elevations_rad,
+            array.positions_m.ravel(),
+            manifold.pattern(np.radians(np.arange(-180.0, 180.0))),
+            [spread.gain, spread.pointing_rad, spread.offset, spread.pattern],
+        ]
+    )
+    return hashlib.sha256((np.round(numbers, 6) + 0.0).tobytes()).hexdigest()  # -0.0 becomes 0.0
 
 
 class ArrayCalibration(Config, frozen=True):
-    """Errors of one array, as estimated by the missions so far."""
+    """Errors of one array, as estimated by the missions so far, and their covariance."""
 
-    format: Literal["pdpatrol calibration 1"] = "pdpatrol calibration 1"
+    format: Literal["pdpatrol calibration 2"] = "pdpatrol calibration 2"
     mission: str = Field(max_length=1024, pattern=r"^[^\x00]*$")
     """Name of the last mission."""
     n_missions: Total
     n_pulses: Total
     """Number of pulses that the fits of all missions used."""
-    array: CalibratedArray
-    errors: CalibratedErrors
+    serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
+    """Serial number of the array as in `sensing.ArrayConfig`; None for field data."""
+    data_sheet_sha256: str = Field(max_length=64)
+    """Digest of the array's data sheet, see `data_sheet_sha256`."""
+    gain: Annotated[Numbers, Field(min_length=1, max_length=MAX_ELEMENTS)]
+    pointing_rad: Numbers
+    offset: Numbers
+    covariance: tuple[Numbers, ...] = Field(max_length=N_KINDS * MAX_ELEMENTS)
+    """Row by row, of gain errors, then pointing errors, then offsets."""
 
     @model_validator(mode="after")
-    def _check_size(self) -> Self:
-        n = len(self.array.boresights_deg)
-        if len(self.errors.gain) != n:
-            raise ValueError(f"errors.gain: must have {n} numbers, one per boresight, got {len(self.errors.gain)}")
+    def _check_shapes(self) -> Self:
+        n = len(self.gain)
+        if not len(self.pointing_rad) == len(self.offset) == n:
+            raise ValueError(f"pointing_rad, offset: must have {n} numbers each, as gain has")
+        if [len(row) for row in self.covariance] != [N_KINDS * n] * (N_KINDS * n):
+            raise ValueError(f"covariance: must have {N_KINDS * n} rows of as many numbers")
+        covariance = np.array(self.covariance)
+        eigenvalues = np.linalg.eigvalsh(covariance)
+        if not np.array_equal(covariance, covariance.T) or eigenvalues[0] < -1e-9 * eigenvalues[-1]:  # for rounding
+            raise ValueError("covariance: must be symmetric and positive semi-definite")
         return self
 
     @classmethod
-    def after(cls, mission: str, learned: Learned, array: CalibratedArray, before: Self | None) -> Self:
+    def after(
+        cls, mission: str, learned: Learned, array: ArrayModel, serial_number: int | None, before: Self | None
+    ) -> Self:
         """Make the calibration that a mission passes on to the next one.
 
         Args:
             mission: Name of the mission.
             learned: Errors that the mission estimated.
-            array: Identity of the array.
+            array: The array.
+            serial_number: Its serial number.
             before: Calibration that the mission started from; None without one, or if the mission contradicted it.
         """
+        mean, covariance = learned.errors.mean, learned.errors.covariance
         return cls(
             mission=mission,
             n_missions=1 + (before.n_missions if before else 0),
             n_pulses=learned.n_pulses + (before.n_pulses if before else 0),
-            array=array,
-            errors=CalibratedErrors.of(learned.errors),
+            serial_number=serial_number,
+            data_sheet_sha256=data_sheet_sha256(array),
+            gain=tuple(mean.gain.tolist()),
+            pointing_rad=tuple(mean.pointing_rad.tolist()),
+            offset=tuple(mean.offset.tolist()),
+            covariance=as_tuples((np.tril(covariance) + np.tril(covariance, -1).T).tolist()),
         )
 
-    def mismatch(self, array: CalibratedArray) -> str | None:
+    def errors(self) -> EstimatedErrors:
+        """Return the errors and their covariance as arrays."""
+        state = np.array([*self.gain, *self.pointing_rad, *self.offset])
+        return EstimatedErrors.of_states(state, np.array(self.covariance), len(self.gain))
+
+    def mismatch(self, array: ArrayModel, serial_number: int | None) -> str | None:
         """Describe in one line how an array differs from the calibrated one; None if it is the same."""
-        mine, other = self.array.model_dump(), array.model_dump()
-        differing = [f"{key} {mine[key]!s:.40}, here {other[key]!s:.40}" for key in mine if mine[key] != other[key]]
-        return f"must be a calibration of this array, but differs in {'; '.join(differing)}" if differing else None
+        found = (self.serial_number, self.data_sheet_sha256, len(self.gain))
+        wanted = (serial_number, data_sheet_sha256(array), array.manifold.n_elements)
+        if found == wanted:
+            return None
+        text = "serial number {}, data sheet {:.12}, {} elements"
+        return f"must be a calibration of this array: {text.format(*wanted)}; got {text.format(*found)}"
 
     def applied_to(self, array: ArrayModel) -> ArrayModel:
         """Return the array with the estimated errors, whose covariance allows for drift since the calibration."""
-        return replace(array, errors=self.errors.estimated().drifted(array.spread))
-
-    def as_toml(self) -> str:
-        """Return the text of the calibration file."""
-        tables = self.model_dump(mode="json", exclude_none=True)
-        array, errors = tables.pop("array"), tables.pop("errors")
-
-        def lines(table: dict[str, Any]) -> list[str]:
-            return [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in table.items()]
-
-        return "\n".join(
-            [
-                "# Errors of one array, estimated from pulses; `pdpatrol run --calibration` starts from them.",
-                *lines(tables),
-                "",
-                "[array] # data sheet, and standard deviations of the errors of real arrays",
-                *lines(array),
-                "",
-                "[errors] # by element; gain relative, offset in units of gain; covariance: lower triangle of all",
-                *lines(errors),
-                "",
-            ]
-        )
+        return replace(array, errors=self.errors().drifted(array.spread))
 
 
 def read_calibration(path: Path) -> ArrayCalibration:
@@ -222,22 +163,7 @@ def read_calibration(path: Path) -> ArrayCalibration:
         InputFileError: If the file cannot be read or is not a calibration, with one line per error.
     """
     table = read_toml(path, "a calibration.toml")
-    if "format" not in table:
-        raise InputFileError([f"{path}: format: is required; give a calibration.toml"])
     try:
-        return restore_calibration(table)
+        return ArrayCalibration.model_validate(as_tuples({"format": None, **table}))
     except ValidationError as error:
         raise InputFileError([f"{path}: {line}" for line in error_lines(error, ArrayCalibration)]) from None
-
-
-def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:
-    """Make a calibration from plain data, as in its file or as made by `model_dump(mode="json")`.
-
-    Raises:
-        ValidationError: If the data is not a calibration.
-    """
-    return ArrayCalibration.model_validate(as_tuples(data))
-
-
-def _rounded(values: FloatArray) -> Numbers:
-    return tuple(np.round(values, 6).tolist())

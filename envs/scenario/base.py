@@ -26,7 +26,6 @@ STEP_S = 0.1
 """Control step, s."""
 
 DAY_PATTERN = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
-DAYS_PER_WEEK = 7
 
 MAX_FILE_BYTES = 4_000_000
 """Largest scenario file. Assumed; the largest yard that is allowed takes less."""
@@ -62,7 +61,7 @@ Day = Annotated[
 
 def weeks_between(first: str, last: str) -> float:
     """Return the weeks from one `Day` to another, negative if `last` is earlier."""
-    return (date.fromisoformat(last) - date.fromisoformat(first)).days / DAYS_PER_WEEK
+    return (date.fromisoformat(last) - date.fromisoformat(first)).days / 7
 
 
 class ScenarioError(InputFileError):
@@ -85,7 +84,9 @@ def resolve_path(path: str, info: ValidationInfo) -> str:
 
 def resolve_user_code(name: str, info: ValidationInfo) -> str:
     """Resolve the path in `my_file.py:Name`; names of installed code stay as they are."""
-    file, _, attribute = name.rpartition(":")
+    file, colon, attribute = name.rpartition(":")
+    if not colon:
+        raise ValueError(f"no `{name}`; name your own as my_file.py:Name or package.module:Name")
     return f"{resolve_path(file, info)}:{attribute}" if file.endswith(".py") else name
 
 

@@ -87,16 +87,11 @@ def restore_scenario(data: Mapping[str, Any]) -> Scenario:
         raise ScenarioError(error_lines(error, Scenario)) from None
 
 
-def scenario_schema() -> dict[str, Any]:
-    """Return the JSON Schema of scenario files, draft 2020-12.
+def schema_text() -> str:
+    """Return the text of docs/schemas/scenario.schema.json, the JSON Schema of scenario files, draft 2020-12.
 
     It holds every table, key, type and bound. Combinations of keys and other files are checked by the loader alone.
     """
     schema = Scenario.model_json_schema()
     schema["required"].remove("name")  # defaults to the name of the file
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-def schema_text() -> str:
-    """Return the text of docs/schemas/scenario.schema.json."""
-    return json.dumps(scenario_schema(), indent=2) + "\n"
+    return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2) + "\n"

@@ -5,11 +5,19 @@ from __future__ import annotations
 from dataclasses import fields
 from math import radians
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, WithJsonSchema, create_model, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
 
-from dirmusic import ESTIMATORS, InputFileError
+from dirmusic import ESTIMATORS
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.envs.scenario.base import Config, resolve_path, resolve_user_code
@@ -46,20 +54,22 @@ def _optional_rules() -> dict[str, Any]:
 OptionalRules = create_model("OptionalRules", __base__=Config, **_optional_rules())
 
 
+def _resolve_estimator(method: str, info: ValidationInfo) -> str:
+    if method in ESTIMATORS:
+        return method
+    if ":" not in method:
+        raise ValueError(f"no estimator `{method}`; available: {', '.join(ESTIMATORS)}")
+    return resolve_user_code(method, info)
+
+
 class EstimatorConfig(Config, frozen=True):
     """Bearing estimator: a built-in one by name, or `my_file.py:MyEstimator` or `package.module:MyEstimator`."""
 
-    method: FilePath = "maximum_likelihood"
+    method: Annotated[FilePath, AfterValidator(_resolve_estimator)] = "maximum_likelihood"
 
-    @field_validator("method")
-    @classmethod
-    def _check_method(cls, method: str, info: ValidationInfo) -> str:
-        if method not in ESTIMATORS and ":" not in method:
-            raise ValueError(
-                f"no estimator `{method}`; available: {', '.join(ESTIMATORS)}, or name your own as "
-                "my_file.py:MyEstimator or package.module:MyEstimator"
-            )
-        return resolve_user_code(method, info)
+
+def _read_calibration(given: object, info: ValidationInfo) -> object:
+    return read_calibration(Path(resolve_path(given, info))) if isinstance(given, str) else given
 
 
 class LocatingConfig(OptionalRules, frozen=True):
@@ -70,36 +80,15 @@ class LocatingConfig(OptionalRules, frozen=True):
 
     solver: Literal["joint", "bearings"] = "joint"
     """Fit positions to the strengths, jointly with the errors of the array, or to bearings alone."""
-    locator: FilePath | None = None
+    locator: Annotated[FilePath, AfterValidator(resolve_user_code)] | None = None
     """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""
     calibration: Annotated[
-        ArrayCalibration | None, WithJsonSchema({"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN})
+        ArrayCalibration | None,
+        BeforeValidator(_read_calibration),
+        WithJsonSchema({"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN}),
     ] = None
     """Path of a calibration that an earlier mission with this array has written."""
-
-    @field_validator("locator")
-    @classmethod
-    def _check_locator(cls, locator: str | None, info: ValidationInfo) -> str | None:
-        if locator is None:
-            return None
-        if ":" not in locator:
-            raise ValueError(
-                f"no Locator `{locator}`; name your own as my_file.py:MyLocator or package.module:MyLocator"
-            )
-        return resolve_user_code(locator, info)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_calibration(cls, given: object, info: ValidationInfo) -> object:
-        table = cast("dict[str, Any]", given) if isinstance(given, dict) else {}
-        path = table.get("calibration")
-        if not isinstance(path, str):
-            return given
-        try:
-            return {**table, "calibration": read_calibration(Path(resolve_path(path, info)))}
-        except InputFileError as error:
-            raise ValueError("\n".join(f"calibration: {fault}" for fault in error.faults)) from None
 
     @model_validator(mode="after")
     def _check_use_of_calibration(self) -> Self:

@@ -9,11 +9,11 @@ from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from dirmusic import PoseError
 from pdpatrol.envs.scenario.base import Config, resolve_path
-from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError, is_path
+from pdpatrol.robot_models.description.robot_description import RobotDescription, is_path
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath, Share
 
@@ -23,25 +23,23 @@ GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
 """Degrees per minute, or per square root of a minute."""
 
 
+def _resolve_model(model: str, info: ValidationInfo) -> str:
+    model = resolve_path(model, info) if is_path(model) else model
+    load_robot(model)  # lists the errors of the file
+    return model
+
+
 class RobotConfig(Config, frozen=True):
     """Robot by the name of a shipped one or the path of an MJCF file."""
 
-    model: FilePath = "inspector"
+    model: Annotated[FilePath, AfterValidator(_resolve_model)] = "inspector"
     """Relative paths start at the scenario file."""
     max_speed_mps: Annotated[float, Field(ge=0.01, le=10.0)] | None = None
     """Greatest commanded speed; by default the limit of the robot."""
 
-    @field_validator("model")
-    @classmethod
-    def _resolve_model(cls, model: str, info: ValidationInfo) -> str:
-        return resolve_path(model, info) if is_path(model) else model
-
     @model_validator(mode="after")
-    def _check_robot(self) -> Self:
-        try:
-            limit_mps = load_robot(self.model).max_speed_mps
-        except RobotFileError as error:
-            raise ValueError("\n".join(f"model: {fault}" for fault in error.faults)) from None
+    def _check_speed(self) -> Self:
+        limit_mps = load_robot(self.model).max_speed_mps
         if self.max_speed_mps is not None and self.max_speed_mps > limit_mps:
             raise ValueError(
                 f"max_speed_mps: must be at most the limit of the robot, {limit_mps:g}, got {self.max_speed_mps:g}"

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from dirmusic import ArrayModel
-from pdpatrol.envs.scenario.array import ArraySection, CalibratedArray, data_sheet
-from pdpatrol.envs.scenario.base import STEP_S, Config, MissionName, known_names
+from pdpatrol.envs.scenario.array import ArraySection, data_sheet
+from pdpatrol.envs.scenario.base import Config, MissionName, known_names
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
 from pdpatrol.envs.scenario.radio import RadioConfig
@@ -40,11 +40,9 @@ Reward = Annotated[float, Field(ge=-1e6, le=1e6), PLAIN_ZERO]
 MAX_PULSES = 5_000_000
 """Pulses of a mission; a log keeps 300 bytes of each."""
 
-MAX_GATE_BYTES = 256e6
-"""Waveforms of one control step, which are in memory together."""
-
-MAX_SAMPLES_PER_S = 1e9
-"""Samples computed per second of simulated time on one path of each pulse, which takes some ten seconds."""
+MAX_SAMPLES_PER_S = 3e8
+"""Samples computed per second of simulated time on one path of each pulse: some seconds of computing time, and 240 MB
+of waveforms per control step."""
 
 MAX_CHANGE_DB = 120.0
 """Change of a source's level, by drift within a mission or by growth over a campaign."""
@@ -67,11 +65,6 @@ class RouteConfig(Config, frozen=True):
     """Heading at the start, counter-clockwise from x; by default drawn per mission."""
     waypoints_m: Waypoints = ()
     """Waypoints in order, or `"planned"`: the mission plans them on the map when it starts, as `pdpatrol plan` does."""
-
-    @property
-    def is_planned(self) -> bool:
-        """Whether a mission plans its own waypoints."""
-        return self.waypoints_m == PLANNED
 
     @property
     def stops_m(self) -> tuple[tuple[float, float], ...]:
@@ -200,31 +193,30 @@ def _table_errors(scenario: Scenario) -> Iterator[str]:
     if calibration is not None and number is None:
         yield "array.serial_number: is required with a calibration; without it each mission draws another array"
     elif calibration is not None:
-        mismatch = calibration.mismatch(CalibratedArray.of(data_sheet(scenario.array), number))
+        mismatch = calibration.mismatch(data_sheet(scenario.array), number)
         if mismatch:
             yield f"locating.calibration: {mismatch}"
 
 
 def position_error(yard: Yard, position_m: ArrayLike) -> str | None:
     """Describe why a source cannot be at a position (x, y, z); None if it can."""
-    place, enclosing = (
-        np.round(np.asarray(position_m, dtype=np.float64), 3).tolist(),
-        yard.enclosing_equipment(position_m),
-    )
-    if yard.contains(position_m) and place[2] > 0.0 and enclosing is None:
+    place_m, enclosing = np.asarray(position_m, dtype=np.float64), yard.enclosing_equipment(position_m)
+    if yard.contains(position_m) and 0.0 < place_m[2] <= MOST_YARD_M and enclosing is None:
         return None
     where = f" inside equipment `{enclosing}`" if enclosing else ""
-    return f"must lie in the yard, above the ground and outside equipment, got {place}{where}"
+    return f"must lie in the yard, above the ground and outside equipment, got {np.round(place_m, 3).tolist()}{where}"
 
 
 def _source_errors(scenario: Scenario) -> Iterator[str]:
     """Check names and places of sources and interferers."""
     yard, known = scenario.yard, scenario.yard.site_names()
-    names = [item.name for item in (*scenario.sources, *scenario.interferers)]
-    earlier = list[set[str]]()
+    names, earlier = set[str](), list[set[str]]()
+    for key in ("sources", "interferers"):
+        for i, item in enumerate(getattr(scenario, key)):
+            if item.name in names:
+                yield f"{key}.{i}.name: must be used once, got `{item.name}` again"
+            names.add(item.name)
     for i, source in enumerate(scenario.sources):
-        if source.name in names[:i]:
-            yield f"sources.{i}.name: must be used once, got `{source.name}` again"
         sites = set(scenario.candidate_sites(source))
         for entry in source.sites:
             if not (set(scenario.expand_site(entry)) & set(known)):
@@ -239,8 +231,6 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
             yield f"sources.{i}.sites: must be more than the earlier sources on these sites, got {len(sites)}"
         earlier.append(sites)
     for i, item in enumerate(scenario.interferers):
-        if item.name in names[: len(scenario.sources)]:
-            yield f"interferers.{i}.name: must be used once, got `{item.name}` again"
         if yard.contains(item.position_m):
             yield f"interferers.{i}.position_m: must lie outside the yard, got {item.position_m}; inside: [[sources]]"
         elif item.moves_to_m is not None and yard.is_crossed(item.position_m, item.moves_to_m):
@@ -248,9 +238,11 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _growth_errors(scenario: Scenario) -> Iterator[str]:
-    """Check how much sources have changed since the campaign began."""
-    weeks, when = scenario.campaign.weeks, f"on {scenario.campaign.day}"
+    """Check how much sources have changed since the campaign began, and change within a mission."""
+    weeks, when, minutes = scenario.campaign.weeks, f"on {scenario.campaign.day}", scenario.task.time_limit_s / 60.0
     for i, source in enumerate(scenario.sources):
+        drift_db = source.drift_db_per_min * minutes
+        yield from _at_most(f"sources.{i}.drift_db_per_min", drift_db, MAX_CHANGE_DB, "dB within task.time_limit_s")
         grown_db = source.growth_db_per_week * weeks
         yield from _at_most(f"sources.{i}.growth_db_per_week", grown_db, MAX_CHANGE_DB, f"dB {when}")
         decades = log10(1.0 + source.rate_growth_per_week) * weeks
@@ -261,7 +253,7 @@ def _growth_errors(scenario: Scenario) -> Iterator[str]:
 def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
     """Check that the robot fits on dock and waypoints, in the yard and on the map, and where sources are drawn."""
     stops, room_m = {"route.dock_m": scenario.route.dock_m}, scenario.robot.description.room_m
-    if not scenario.route.is_planned:
+    if scenario.route.waypoints_m != PLANNED:
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(scenario.route.stops_m)}
     for key, point in stops.items():
         for yard, where in ((scenario.yard, ""), (known_yard, " on the map")):
@@ -280,44 +272,27 @@ def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
                 yield f"sources.{i}.anywhere_at_m: the yard must have free ground on which the robot fits"
 
 
-def _mean_pulses(source: SourceConfig, time_limit_s: float) -> float:
-    """Return the mean number of pulses of a source in a mission."""
-    start_s, end_s = source.active_s or (0.0, time_limit_s)
-    n_pulses = source.pulse_rate_hz * max(min(end_s, time_limit_s) - start_s, 0.0)
-    return min(n_pulses, inf if source.n_shots is None else source.n_shots)
-
-
 def _rate_errors(scenario: Scenario) -> Iterator[str]:
     """Check the number of pulses against memory and computing time."""
-    sources, interferers, receiver = scenario.grown_sources, scenario.interferers, scenario.receiver
-    limit_s, key = scenario.task.time_limit_s, "sources, interferers, receiver.false_alarm_rate_hz"
-    others_hz = receiver.false_alarm_rate_hz + sum(item.pulse_rate_hz for item in interferers)
-    n_pulses = others_hz * limit_s + sum(_mean_pulses(source, limit_s) for source in sources)
-    yield from _at_most(key, n_pulses, MAX_PULSES, "pulses within task.time_limit_s")
-    channels_hz = (others_hz + sum(source.pulse_rate_hz for source in sources)) * scenario.array.n_channels
-    n_bytes = STEP_S * channels_hz * receiver.gate_samples * np.dtype(np.float64).itemsize
-    yield from _at_most(key, n_bytes, MAX_GATE_BYTES, "bytes of waveforms per control step, of receiver.gate_samples")
+    receiver, key = scenario.receiver, "sources, interferers, receiver.false_alarm_rate_hz"
+    emitters = (*scenario.grown_sources, *scenario.interferers)
+    pulses_hz = receiver.false_alarm_rate_hz + sum(item.pulse_rate_hz for item in emitters)
+    yield from _at_most(key, pulses_hz * scenario.task.time_limit_s, MAX_PULSES, "pulses within task.time_limit_s")
     rate_hz, pulse_s = receiver.sample_rate_hz, 12e-9
     width_hz = inf if receiver.band_hz == "all" else receiver.band_hz[1] - receiver.band_hz[0]
     ringing = 12.0 * rate_hz / width_hz  # measured
     n_samples = receiver.gate_samples + ringing + (pulse_s + receiver.longest_echo_s) * rate_hz
-    samples_hz = channels_hz * n_samples
-    yield from _at_most(key, samples_hz, MAX_SAMPLES_PER_S, "computed samples per second, by rate, band and echoes")
+    samples_hz = pulses_hz * scenario.array.n_channels * n_samples
+    yield from _at_most(key, samples_hz, MAX_SAMPLES_PER_S, "computed samples per second, by rate, gate, band, echoes")
 
 
 def _level_errors(scenario: Scenario) -> Iterator[str]:
     """Check levels over the noise, and the frequencies of carriers."""
-    receiver, minutes = scenario.receiver, scenario.task.time_limit_s / 60.0
-    peaks_v = dict[str, tuple[float, float]]()
-    for i, item in enumerate(scenario.interferers):
-        peaks_v[f"interferers.{i}"] = item.amplitude_v, item.amplitude_range_db
-    for i, source in enumerate(scenario.grown_sources):
-        peaks_v[f"sources.{i}"] = source.amplitude_v, source.amplitude_range_db
-        drift_db = source.drift_db_per_min * minutes
-        yield from _at_most(f"sources.{i}.drift_db_per_min", drift_db, MAX_CHANGE_DB, "dB within task.time_limit_s")
-    for key, (amplitude_v, range_db) in peaks_v.items():
-        peak_v, unit = amplitude_v * 10 ** (range_db / 40), f"V with its range, {MAX_PEAK_OVER_NOISE:g} times the noise"
-        yield from _at_most(f"{key}.amplitude_v", peak_v, MAX_PEAK_OVER_NOISE * receiver.noise_v, unit)
+    receiver, unit = scenario.receiver, f"V with its range, {MAX_PEAK_OVER_NOISE:g} times the noise"
+    for key, emitters in (("interferers", scenario.interferers), ("sources", scenario.grown_sources)):
+        for i, item in enumerate(emitters):
+            peak_v = item.amplitude_v * 10 ** (item.amplitude_range_db / 40)
+            yield from _at_most(f"{key}.{i}.amplitude_v", peak_v, MAX_PEAK_OVER_NOISE * receiver.noise_v, unit)
     nyquist_hz = 0.5 * receiver.sample_rate_hz
     for i, carrier in enumerate(scenario.carriers):
         if carrier.frequency_hz >= nyquist_hz:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+import tomlkit
 
 from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import Scenario
-from pdpatrol.envs.scenario.array import restore_calibration
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.terminal import err, note, out, print_written, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -53,8 +55,7 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     log.save(folder)
     if "calibration" in log.meta:
         when = datetime.now().astimezone().isoformat(timespec="seconds")
-        text = restore_calibration(log.meta["calibration"]).as_toml()
-        write_text(folder / "calibration.toml", f"# Written {when}\n{text}")
+        write_text(folder / "calibration.toml", f"# Written {when}\n{calibration_text(log.meta['calibration'])}")
     report = write_report(log, wall_time_s, folder)
     if find_spec("rerun") is None:
         note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
@@ -63,6 +64,18 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
 
         write_recording(log, folder / "mission.rrd")
     return report
+
+
+def calibration_text(calibration: Mapping[str, Any]) -> str:
+    """Return the text of a calibration file.
+
+    Args:
+        calibration: An `ArrayCalibration` as plain data.
+    """
+    return (
+        "# Errors of one array, estimated from pulses; `pdpatrol run --calibration` starts from them.\n"
+        "# By element: gain relative, offset in units of gain; covariance of all.\n" + tomlkit.dumps(calibration)
+    )
 
 
 def write_report(log: MissionLog, wall_time_s: float, folder: Path) -> Report:

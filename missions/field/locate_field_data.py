@@ -24,7 +24,7 @@ from dirmusic import (
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
+from pdpatrol.envs.scenario.array import ArrayCalibration
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -88,7 +88,7 @@ def calibrated(array: ArrayModel, calibration: ArrayCalibration) -> ArrayModel:
     Raises:
         InputFileError: If the calibration is that of another array.
     """
-    mismatch = calibration.mismatch(CalibratedArray.of(array, None))
+    mismatch = calibration.mismatch(array, None)
     if mismatch is not None:
         raise InputFileError([f"--calibration: {mismatch}"])
     return calibration.applied_to(array)

@@ -15,7 +15,7 @@ from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol, PoseError
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import YardLikelihood
-from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
+from pdpatrol.envs.scenario.array import ArrayCalibration
 from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -122,9 +122,8 @@ class Tracker:
         learned = self._locator.learned() if isinstance(self._locator, Locator) and not self._is_own else None
         if learned is not None:
             used = None if self._contradicts_calibration else before
-            calibrated = CalibratedArray.of(self._array, serial_number)
-            calibration = ArrayCalibration.after(mission, learned, calibrated, used)
-            self._log.meta["calibration"] = calibration.model_dump(mode="json")
+            calibration = ArrayCalibration.after(mission, learned, self._array, serial_number, used)
+            self._log.meta["calibration"] = calibration.model_dump(mode="json", exclude_none=True)
 
     @property
     def _contradicts_calibration(self) -> bool:

@@ -17,6 +17,7 @@ from hypothesis.extra import numpy as arrays
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.vector_env import PatrolVectorEnv
+from tests.envs.helpers import listed
 
 ROOT = Path(__file__).parents[2]
 N_ROBOTS = 3
@@ -55,15 +56,6 @@ def calls(shape: tuple[int, ...]) -> st.SearchStrategy[list[Call]]:
         | st.tuples(st.just("refused reset"), bad_resets),
         max_size=12,
     )
-
-
-def listed(result: Any) -> Any:  # noqa: ANN401 - any result of an environment
-    """Convert tuples and object arrays in a result to lists, so that results can be compared."""
-    if isinstance(result, dict):
-        return {key: listed(value) for key, value in result.items()}
-    if isinstance(result, tuple) or (isinstance(result, np.ndarray) and result.dtype == np.object_):
-        return [listed(each) for each in result]
-    return result
 
 
 def send(env: Any, name: str, arguments: dict[str, Any]) -> Any:  # noqa: ANN401 - either environment

@@ -3,16 +3,14 @@
 import re
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.vector_env import PatrolVectorEnv
+from tests.envs.helpers import STAND
 
-ID = "pdpatrol:PDPatrol-v0"
-STAND = np.zeros(2, dtype=np.float32)
 AHEAD = np.array([1.0, 0.2], dtype=np.float32)
 
 
@@ -37,45 +35,6 @@ def test_info_matches_the_docstring_table(name: str) -> None:
         assert {key: np.shape(value) for key, value in each.items()} == expected
         assert each["is_success"] == each["success"]
     assert not set(expected) & set(observation)
-
-
-@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
-def test_results_equal_those_of_sync_vector_env(mode: str) -> None:
-    scenario = near("one_source", 12.0, 2.0)
-    rows = gymnasium.make_vec(ID, num_envs=3, scenario=scenario, autoreset_mode=mode, num_threads=1)
-    singles = gymnasium.make_vec(
-        ID, num_envs=3, scenario=scenario, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}
-    )
-    n_apart, n_over = 0, 0
-    assert_same(rows.reset(seed=4), singles.reset(seed=4))
-    for step in range(60):
-        driven = np.random.default_rng(step).uniform(-1, 1, (3, 2)).astype(np.float32)
-        result = rows.step(driven)
-        assert_same(result, singles.step(driven))
-        if step in (7, 31):  # so that the rows end at different times
-            mask = np.array([step == 31, step == 7, False])
-            (seen, info), (expected, expected_info) = (
-                envs.reset(options={"reset_mask": mask}) for envs in (rows, singles)
-            )
-            assert_same((info, seen), (expected_info, expected))
-        over = result[2] | result[3]
-        n_over += int(over.sum())
-        n_apart += int(over.any() and not over.all())
-    assert min(n_over, n_apart) > 3
-
-
-def assert_same(native: Any, sync: Any) -> None:  # noqa: ANN401 - any result of a vector environment
-    """Compare values, dtypes, and keys with their masks."""
-    if isinstance(native, dict):
-        assert set(native) == set(sync)
-        for key, values in native.items():
-            assert_same(values, sync[key])
-    elif isinstance(native, tuple):
-        for mine, other in zip(native, sync, strict=True):
-            assert_same(mine, other)
-    else:
-        assert native.dtype == sync.dtype
-        np.testing.assert_equal(list(native), list(sync))
 
 
 def test_success_is_to_have_approached_every_source() -> None:
@@ -109,7 +68,7 @@ def test_finished_route_without_sources_is_not_a_success() -> None:
 def test_full_info_adds_entries_without_fixed_shape() -> None:
     env, many = PatrolEnv("bench", full_info=True), PatrolVectorEnv(2, "bench", full_info=True)
     start, begun = env.reset(seed=1)[1], many.reset(seed=1)[1]
-    info, rows = env.step(STAND)[-1], many.step(np.zeros((2, 2), dtype=np.float32))[-1]
+    info, rows = env.step(STAND)[-1], many.step(np.tile(STAND, (2, 1)))[-1]
     assert set(info) - set(table()) == {"pulses", "suspects", "touched_names"}
     assert set(start) - set(info) == {"truth"}
     for keys in (set(rows), set(begun)):
@@ -123,16 +82,14 @@ def test_same_step_keeps_pulses_of_continuing_rows() -> None:
     scenario = near("bench", 2.5, 1.0)
     many = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="SameStep", num_threads=1)
     alone = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="Disabled", num_threads=1)
+    stand = np.tile(STAND, (3, 1))
     for envs in (many, alone):
         envs.reset(seed=2)
-        envs.step(np.zeros((3, 2), dtype=np.float32))
+        envs.step(stand)
         envs.reset(options={"reset_mask": np.array([True, False, True])})
     mixed, going = dict[str, Any](), dict[str, Any]()
     for _ in range(9):
-        mixed, going = (
-            many.step(np.zeros((3, 2), dtype=np.float32))[-1]["pulses"],
-            alone.step(np.zeros((3, 2), dtype=np.float32))[-1]["pulses"],
-        )
+        mixed, going = (envs.step(stand)[-1]["pulses"] for envs in (many, alone))
     assert (np.diff(mixed["robot"]) >= 0).all()
     assert set(mixed["robot"].tolist()) >= {0, 2}
     for column, values in going.items():

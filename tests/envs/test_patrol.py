@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pdpatrol.envs import load_scenario, shipped_scenarios
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
+from tests.envs.helpers import STAND
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())
@@ -72,7 +73,6 @@ def test_options_set_what_is_drawn() -> None:
         ({"pose": (1.0, 1.0, 0.0)}, "must be a dict with the keys start_pose and sources, got {'pose'"),
         ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; available:"),
         ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "must lie in the yard, above the ground"),
-        ({"sources": {"discharge": (1.0, 1.0, 1e300)}}, "at most 100 m above the ground"),
         ({"start_pose": (3.0, 3.0, 180.0)}, "a yaw in [-2 pi, 2 pi]"),
         ({"start_pose": "dock"}, "start_pose must be three finite numbers, got 'dock'"),
         ({"sources": ["discharge"]}, "sources must be a dict from names to positions"),
@@ -92,7 +92,7 @@ def test_scenario_can_be_drawn_for_each_episode() -> None:
     for seed in range(4):
         env.reset(seed=seed)
         layouts.add(tuple(item.position_m for item in env.scenario.yard.equipment))
-        env.step(np.zeros(2, dtype=np.float32))
+        env.step(STAND)
     assert len(layouts) == 4
     env.reset(seed=0)
     again = tuple(item.position_m for item in env.scenario.yard.equipment)
@@ -106,7 +106,7 @@ def test_scenario_can_be_drawn_for_each_episode() -> None:
 def test_entries_without_a_pulse_are_zero() -> None:
     env = PatrolEnv(load_scenario("one_source", {"sources": [], "receiver.false_alarm_rate_hz": 1e-9}))
     env.reset(seed=0)
-    observation, *_ = env.step(np.zeros(2, dtype=np.float32))
+    observation, *_ = env.step(STAND)
     for key in ("detected", "strengths", "level", "spectrum", "bearing"):
         assert not observation[key].any()
     assert observation["bearing_age"] == 60.0
@@ -140,7 +140,7 @@ def test_episode_ends_on_approach_if_asked() -> None:
     for ends in (True, False):
         env = PatrolEnv(close, terminate_on_approach=ends)
         env.reset(seed=0)
-        assert env.step(np.zeros(2, dtype=np.float32))[2] is ends
+        assert env.step(STAND)[2] is ends
 
 
 def test_seed_draws_site_amplitude_heading_and_array() -> None:
@@ -166,7 +166,7 @@ def test_every_shot_of_a_discharge_gun_is_detected_once() -> None:
     times: list[float] = []
     truncated = False
     while not truncated:
-        _, _, terminated, truncated, info = env.step(np.zeros(2, dtype=np.float32))
+        _, _, terminated, truncated, info = env.step(STAND)
         assert not terminated
         pulses = info["pulses"]
         times += pulses.time_s[pulses.std_rad < np.radians(10.0)].tolist()  # triggers by noise alone have no bearing

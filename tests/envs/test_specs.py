@@ -13,7 +13,7 @@ from pdpatrol.envs import ScenarioError, load_scenario, shipped_scenarios
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
-from tests.envs.test_fuzzed_calls import listed
+from tests.envs.helpers import STAND, listed
 
 ID = "pdpatrol:PDPatrol-v0"
 SHIPPED = Path(__file__).parents[2] / "envs" / "scenarios"
@@ -29,9 +29,9 @@ def test_spec_states_the_steps_of_an_episode(time_limit_s: float, n_steps: int) 
     assert many.spec is not None
     assert (env.spec.max_episode_steps, many.spec.max_episode_steps) == (n_steps, n_steps)
     _ = env.reset(seed=0), many.reset(seed=0)
-    late = [env.step(np.zeros(2, dtype=np.float32))[3] for _ in range(n_steps)]
+    late = [env.step(STAND)[3] for _ in range(n_steps)]
     assert late == [False] * (n_steps - 1) + [True]
-    rows = [many.step(np.zeros((2, 2), dtype=np.float32))[3].all() for _ in range(n_steps)]
+    rows = [many.step(np.tile(STAND, (2, 1)))[3].all() for _ in range(n_steps)]
     assert rows == late
 
 
@@ -99,7 +99,7 @@ def test_spec_of_vector_environment_goes_through_json() -> None:
     assert json.loads(again.spec.to_json()) == json.loads(envs.spec.to_json())
     np.testing.assert_equal(again.reset(seed=3), envs.reset(seed=3))
     for _ in range(6):
-        result, expected = again.step(np.zeros((3, 2), dtype=np.float32)), envs.step(np.zeros((3, 2), dtype=np.float32))
+        result, expected = again.step(np.tile(STAND, (3, 1))), envs.step(np.tile(STAND, (3, 1)))
         np.testing.assert_equal(listed(result), listed(expected))
 
 
@@ -119,9 +119,9 @@ def test_seeds_of_rows_reproduce_their_episodes() -> None:
 def test_calls_out_of_order_raise_errors_of_gymnasium() -> None:
     env, many = PatrolEnv(render_mode="rgb_array"), PatrolVectorEnv(2)
     for call in (
-        lambda: env.step(np.zeros(2, dtype=np.float32)),
+        lambda: env.step(STAND),
         env.render,
-        lambda: many.step(np.zeros((2, 2), dtype=np.float32)),
+        lambda: many.step(np.tile(STAND, (2, 1))),
     ):
         with pytest.raises(error.ResetNeeded, match=r"before calling env\.reset"):
             call()
@@ -131,9 +131,9 @@ def test_calls_out_of_order_raise_errors_of_gymnasium() -> None:
     env.close()
     many.close()
     for call in (
-        lambda: env.step(np.zeros(2, dtype=np.float32)),
+        lambda: env.step(STAND),
         env.reset,
-        lambda: many.step(np.zeros((2, 2), dtype=np.float32)),
+        lambda: many.step(np.tile(STAND, (2, 1))),
         many.reset,
     ):
         with pytest.raises(error.ClosedEnvironmentError, match=r"after calling env\.close"):

@@ -13,6 +13,7 @@ from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.runner import run_mission
+from tests.envs.helpers import STAND
 
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
 GOOD = """\
@@ -47,7 +48,7 @@ def bench_with(folder: Path, code: str) -> Scenario:
 def test_user_estimator_gives_the_bearings(tmp_path: Path) -> None:
     env = PatrolEnv(bench_with(tmp_path, GOOD), full_info=True)
     env.reset(seed=0)
-    *_, info = env.step(np.zeros(2, dtype=np.float32))
+    *_, info = env.step(STAND)
     boresights = env.simulation.array.manifold.boresights_rad
     assert info["pulses"].n_pulses > 0
     assert np.isin(np.round(info["pulses"].azimuth_rad, 9), np.round(boresights, 9)).all()
@@ -57,16 +58,16 @@ def test_environment_with_user_estimator_can_be_pickled(tmp_path: Path) -> None:
     env = PatrolEnv(bench_with(tmp_path, GOOD), full_info=True)
     env.reset(seed=0)
     twin = pickle.loads(pickle.dumps(env))
-    pulses = [each.step(np.zeros(2, dtype=np.float32))[-1]["pulses"] for each in (env, twin)]
+    pulses = [each.step(STAND)[-1]["pulses"] for each in (env, twin)]
     np.testing.assert_array_equal(pulses[0].azimuth_rad, pulses[1].azimuth_rad)
 
 
 @pytest.mark.parametrize(
     ("broken", "line", "named"),
     [
-        ("return found._replace(std_rad=np.hypot(found.std_rad, np.nan))", 8, "std_rad nan"),
-        ("return found._replace(std_rad=-found.std_rad - 1)", 8, "std_rad -1"),
-        ("return found.take(slice(1, None))", 8, "shape (179,)"),
+        ("return found._replace(std_rad=np.hypot(found.std_rad, np.nan))", 8, "std_rad of shape (180,), [nan nan nan]"),
+        ("return found._replace(std_rad=-found.std_rad - 1)", 8, "std_rad of shape (180,), [-1. -1. -1.]"),
+        ("return found.take(slice(1, None))", 8, "azimuth_rad of shape (179,)"),
         ("return found.azimuth_rad", 8, "expected three columns"),
         ("raise RuntimeError('no idea')", 12, "RuntimeError: no idea"),
     ],

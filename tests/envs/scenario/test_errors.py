@@ -78,14 +78,13 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ({"name": "../../../evil"}, "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9_.-]*$', got '../../../evil'"),
     (
         {"locating.locator": "MyLocator"},
-        "locating.locator: no Locator `MyLocator`; name your own as my_file.py:MyLocator or package.modu",
+        "locating.locator: no `MyLocator`; name your own as my_file.py:Name or package.module:Name",
     ),
     (
         {"estimator.method": "mine"},
         "estimator.method: no estimator `mine`; available: maximum_likelihood, sub_bands, music, stronges",
     ),
     ({"campaign.date": "2026-02-30"}, "campaign.date: must be a day of the calendar, got 2026-02-30"),
-    ({"campaign.number": -1}, "campaign.number: must be greater than or equal to 0, got -1"),
     # tables
     ({"campaign.date": "2026-01-04"}, "campaign.date: must not be before begins, 2026-01-05, got 2026-01-04"),
     ({"sources": [{"name": "pd"}]}, "sources.0.sites, position_m, anywhere_at_m: exactly one must be given, got none"),
@@ -135,34 +134,17 @@ CASES: list[tuple[dict[str, Any], str]] = [
         {"map.moved": [{"name": "tank", "by_m": [-6.0, -6.0]}]},
         "route.dock_m: must lie in the yard, 0.25 m or more from any obstacle, so that the robot fits, got",
     ),
-    (
-        {"map.extra": [{**HUT, "position_m": [15.9, 8.0]}]},
-        "route.waypoints_m.1: must lie in the yard, 0.25 m or more from any obstacle, so that the robot fits",
-    ),
     ({"map.missing": ["tnk"]}, "map.missing.0: no equipment `tnk` in this yard; available: tank"),
-    ({"map.mising": ["tank"]}, "map.mising: unknown key; did you mean `missing`?"),
-    (
-        {"map.moved": [{"name": "pump", "by_m": [1.0, 0.0]}]},
-        "map.moved.0.name: no equipment `pump` in this yard; available: tank, ct, bb",
-    ),
     (
         {"map.moved": [{"name": "tank", "by_m": [9.0, 0.0]}]},
         "map: equipment.0.position_m: all of `tank` must lie in (0, 0) to (20.0, 16.0); at (19.0, 9.0) i",
     ),
     ({"map.extra": [{**HUT, "name": "tank"}]}, "map: equipment.2.name: must be unique, got `tank` again"),
     (
-        {"map.extra": [{**HUT, "position_m": [28.0, 3.0]}]},
-        "map: equipment.2.position_m: all of `hut` must lie in (0, 0) to (20.0, 16.0); at (28.0, 3.0)",
-    ),
-    (
         {"map.extra": [{**HUT, "kind": "kiosk"}]},
         "map.extra.0.kind: no kind `kiosk`; available: building, busbar, bushing, cabinet, capacitor_bank",
     ),
     ({"sources": [{**ONE, "sites": ["tank/sout"]}]}, "sources.0.sites: no site `tank/sout`; available: tank/south"),
-    (
-        {"sources": [{**ONE, "sites": ["pump/*"]}]},
-        "sources.0.sites: no site `pump/*`; available: tank/south, ct/head, bb/post_1_1, bb/post_1_2, bb/",
-    ),
     (
         {"sources": [{**GUN, "position_m": [10.0, 9.0, 1.0]}]},
         "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [10.0, 9",
@@ -176,6 +158,7 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [3.0, 9.",
     ),
     ({"sources": [GUN, GUN]}, "sources.1.name: must be used once, got `gun` again"),
+    ({"interferers": [{**TRAM, "name": "gun"}]}, "interferers.0.name: must be used once, got `gun` again"),
     (
         {"interferers": [{**TRAM, "position_m": [5.0, 5.0, 1.0]}]},
         "interferers.0.position_m: must lie outside the yard, got (5.0, 5.0, 1.0); inside: [[sources]]",
@@ -220,12 +203,8 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "sources, interferers, receiver.false_alarm_rate_hz: must be at most 5e+06 pulses within task.",
     ),
     (
-        {"sources": [{**GUN, "pulse_rate_hz": 1e4}], "receiver.gate_samples": 10_000},
-        "sources, interferers, receiver.false_alarm_rate_hz: must be at most 2.56e+08 bytes of wave",
-    ),
-    (
         {"sources": [{**GUN, "pulse_rate_hz": 1e4}], "receiver.longest_echo_s": 2e-6},
-        "sources, interferers, receiver.false_alarm_rate_hz: must be at most 1e+09 computed samples",
+        "sources, interferers, receiver.false_alarm_rate_hz: must be at most 3e+08 computed samples",
     ),
     (
         {"sources": [{**GUN, "growth_db_per_week": 3.0}], "campaign.date": "2027-01-04"},
@@ -297,9 +276,6 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "line"),
     [
-        ({"route.dock_yaw_deg": 1.5708}, "route.dock_yaw_deg: 1.5708 degrees looks like radians"),
-        ({"array.gain_error": 0.8}, "array: gain_error 0.8, pointing_error_deg 2 and gain_offset 0 turn bearings by"),
-        ({"array.pointing_error_deg": 40.0}, "array: gain_error 0.05, pointing_error_deg 40 and gain_offset 0 turn"),
         ({"sources": [{**GUN, "amplitude_v": 1e-4}]}, "sources.0: `gun` cannot be detected: below it"),
         ({"sources": [{**GUN, "pulse_rate_hz": 0.0}]}, "sources.0: `gun` does not discharge within the mission"),
         ({"sources": [{**GUN, "active_s": [30.0, 60.0]}]}, "sources.0: `gun` does not discharge within the mission"),
@@ -316,4 +292,4 @@ def test_implausible_setting_is_one_note(settings: dict[str, Any], line: str, tm
 def test_shipped_scenarios_are_plausible() -> None:
     """Every ninth yard of the suite, to save time."""
     names = [*shipped_scenarios(), *(each.name for each in suite_yards()[::9])]
-    assert {name: notes for name in names if (notes := plausibility(load_scenario(name)))} == {}
+    assert {name: notes for name in names if (notes := list(plausibility(load_scenario(name))))} == {}

@@ -8,7 +8,8 @@ import pytest
 
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.envs.scenario.array import ArrayCalibration, restore_calibration
+from pdpatrol.envs.scenario.array import ArrayCalibration
+from pdpatrol.envs.scenario.base import as_tuples
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
@@ -28,12 +29,12 @@ def scenario(number: int, calibration: ArrayCalibration | None = None, limit_s: 
 
 
 def calibration_of(log: MissionLog) -> ArrayCalibration:
-    return restore_calibration(log.meta["calibration"])
+    return ArrayCalibration.model_validate(as_tuples(log.meta["calibration"]))
 
 
 def relabelled(calibration: ArrayCalibration, number: int) -> ArrayCalibration:
     """Return the calibration with another serial number."""
-    return calibration.model_copy(update={"array": calibration.array.model_copy(update={"serial_number": number})})
+    return calibration.model_copy(update={"serial_number": number})
 
 
 def test_serial_number_fixes_the_array() -> None:

@@ -1,0 +1,17 @@
+"""Helpers of the tests of the environments."""
+
+from typing import Any
+
+import numpy as np
+
+STAND = np.zeros(2, dtype=np.float32)
+"""Action of a robot that stands still."""
+
+
+def listed(result: Any) -> Any:  # noqa: ANN401 - any result of an environment
+    """Convert tuples and object arrays in a result to lists, so that results can be compared."""
+    if isinstance(result, dict):
+        return {key: listed(value) for key, value in result.items()}
+    if isinstance(result, tuple) or (isinstance(result, np.ndarray) and result.dtype == np.object_):
+        return [listed(each) for each in result]
+    return result
