@@ -83,7 +83,7 @@ def test_broken_estimator_is_refused_before_the_start(broken: str, line: int, na
 
 
 def test_unknown_estimator_is_refused_with_known_names(tmp_path: Path) -> None:
-    with pytest.raises(UserCodeError, match="it has Mine"):
+    with pytest.raises(UserCodeError, match="defines Mine"):
         PatrolEnv(load_scenario(scenario_with(tmp_path, GOOD, "Yours")))
     file = scenario_with(tmp_path, GOOD)
     file.write_text(file.read_text(encoding="utf-8").replace("mine.py:Mine", "mine"), encoding="utf-8")
