@@ -7,6 +7,7 @@ import pytest
 
 from dirmusic import GainManifold, GaussianPattern, InputFileError, estimate_bearings, read_pattern
 from dirmusic.angles import difference
+from tests.dirmusic.scenes import RING
 
 OFF = np.radians(np.linspace(-180.0, 180.0, 1441))
 SMOOTH = np.abs(np.abs(np.degrees(OFF) - 153.0)) > 4.0  # eq. (1) has a step there, which no spline follows
@@ -38,7 +39,7 @@ def test_pattern_of_file_is_neither_mirrored_nor_scaled(tmp_path: Path, name: st
     pattern, paper = read_pattern(tmp_path / name), GaussianPattern()
     np.testing.assert_allclose(pattern(OFF[SMOOTH]) / pattern(0.0), paper(OFF[SMOOTH]) / paper(0.0), atol=1e-3)
     azimuth = np.radians(np.arange(0.5, 360.0, 7.0))
-    strengths = GainManifold.ring(6).gain(azimuth).T[:, np.newaxis]
+    strengths = RING.gain(azimuth).T[:, np.newaxis]
     found = estimate_bearings(strengths, GainManifold.ring(6, pattern)).azimuth_rad
     assert np.degrees(np.abs(difference(found, azimuth))).max() < 0.3
 

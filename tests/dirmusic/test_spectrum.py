@@ -11,17 +11,12 @@ from tests.dirmusic.scenes import RING, rho
 GRID = np.radians(np.arange(360.0))
 
 
-def two_sources(n: int, apart_rad: float, snr_db: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Draw true azimuths (n, 2) and covariances of full records with one pulse from each at different times."""
-    rng = np.random.default_rng(seed)
-    first = rng.uniform(-np.pi, np.pi, n)
-    azimuth = np.stack([first, first + apart_rad], axis=-1)
-    signal = np.sqrt(rho(snr_db)) * np.moveaxis(RING.gain(azimuth), 0, 1)
-    return azimuth, draw_covariances(signal, 10_000, rng)
-
-
 def test_two_sources_40_degrees_apart_are_resolved() -> None:
-    azimuth, covariance = two_sources(3600, np.radians(40.0), 0.0, seed=10)
+    """Covariances of full records with one pulse from each source, at different times."""
+    rng = np.random.default_rng(10)
+    azimuth = rng.uniform(-np.pi, np.pi, (3600, 1)) + np.radians([0.0, 40.0])
+    signal = np.sqrt(rho(0.0)) * np.moveaxis(RING.gain(azimuth), 0, 1)
+    covariance = draw_covariances(signal, 10_000, rng)
     assert np.mean(source_count(covariance, 10_000) == 2) >= 0.99
     peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID), n_sources=2), GRID, 2)
     off = np.abs(difference(peaks[:, :, np.newaxis], azimuth[:, np.newaxis, :])) < np.radians(5.0)

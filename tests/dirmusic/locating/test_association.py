@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association import Assigner, Unassociated, may_share_phase, too_many_for_multipath
@@ -198,11 +198,11 @@ def test_multipath_is_limited_to_three_poisson_deviations(n_missing: int, most: 
 N_SURE = 600
 
 
-def corona(rng: np.random.Generator, n: int, at_deg: ArrayLike) -> FloatArray:
+def corona(rng: np.random.Generator, n: int, at_deg: float | FloatArray) -> FloatArray:
     return np.mod(np.radians(rng.normal(at_deg, 14.0, n)), 2 * np.pi)
 
 
-def phases_of(kind: str, rng: np.random.Generator, n: int, at_deg: ArrayLike) -> FloatArray:
+def phases_of(kind: str, rng: np.random.Generator, n: int, at_deg: float | FloatArray) -> FloatArray:
     if kind == "any":
         return rng.uniform(0.0, 2 * np.pi, n)
     return corona(rng, n, at_deg) if kind == "corona" else np.full(n, np.nan)

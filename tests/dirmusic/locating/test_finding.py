@@ -48,7 +48,7 @@ def test_outline_is_closed_and_lies_at_the_quantile() -> None:
     covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
     line = outline95(np.array([3.0, 4.0]), covariance, 49)
     off = line - [3.0, 4.0]
-    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
+    np.testing.assert_allclose((off @ np.linalg.inv(covariance) * off).sum(axis=1), CHI2_95)
     np.testing.assert_allclose(line[0], line[-1])
     assert pytest.approx(chi2.ppf(0.95, 2), rel=1e-12) == CHI2_95
     assert all(is_inside95(0.99 * each, covariance) and not is_inside95(1.01 * each, covariance) for each in off)
@@ -62,8 +62,7 @@ def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
     for _ in range(200):
         axes, centre = rotation(rng.uniform(0.0, np.pi)), rng.uniform(-40.0, 70.0, 2)
         covariance = axes @ np.diag(np.square([rng.uniform(0.5, 20.0), rng.uniform(0.5, 3.0)])) @ axes.T
-        off = grid - centre
-        distance2 = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off).min()
+        distance2 = ((grid - centre) @ np.linalg.inv(covariance) * (grid - centre)).sum(axis=1).min()
         if not 0.9 * CHI2_95 < distance2 < 1.1 * CHI2_95:  # the grid is too coarse to tell
             assert reaches95(centre, covariance, corner) == (distance2 < CHI2_95)
             n_reaching += distance2 < CHI2_95

@@ -19,8 +19,7 @@ def on_an_arc(n: int) -> np.ndarray:
 
 
 def test_triangulation_of_exact_bearings() -> None:
-    positions = on_an_arc(5)
-    fix = triangulate(positions, seen_from(positions), np.full(5, 0.01))
+    fix = triangulate(on_an_arc(5), seen_from(on_an_arc(5)), np.full(5, 0.01))
     np.testing.assert_allclose(fix.position_m, SOURCE, atol=1e-6)
     assert fix.is_inlier.all()
 
