@@ -1,4 +1,4 @@
-"""Gymnasium environments of the testbed and their scenarios."""
+"""Gymnasium environments and the scenarios that configure them."""
 
 from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario, shipped_scenarios
 

@@ -1,4 +1,4 @@
-"""The observation: its entries and bounds, and a kernel that computes it for all robots."""
+"""Entries and bounds of the observation, and a compiled function that computes it for all robots."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 MAX_LEVEL_DECADES = 5.0
-"""Highest observed level over the noise of one sample."""
+"""Upper bound of the observed level, log10 of strength over the noise of one sample."""
 
 POSE_MARGIN_M = 5.0
-"""Margin around the yard within which a believed pose may lie."""
+"""Margin around the yard to which a believed position is clipped."""
 
 
 class ObservationLayout:
-    """Order and bounds of the entries of an observation in the vectors that `observe_robots` computes.
+    """Layout of the vectors that `observe_robots` computes: order and bounds of the entries of an observation.
 
     Args:
         scenario: Scenario whose yard, robot, array and time limit bound the observations.
 
     Attributes:
         space: Space of the observations of one robot.
-        low: Lowest value of each number of a vector, shape (n_numbers,).
-        high: Highest values, same shape.
+        low: Lower bound of each number in a vector, shape (n_numbers,).
+        high: Upper bounds, same shape.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -73,11 +73,13 @@ class ObservationLayout:
 def strongest_pulses(
     is_usable: NDArray[np.bool_], robot: NDArray[np.intp], strengths_v: FloatArray, azimuth_rad: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the pulse of each robot with most energy in its usable channels; arguments as in `observe_robots`.
+    """Find, for each robot, the pulse with the most energy in its usable channels.
+
+    Arguments are as in `observe_robots`.
 
     Returns:
-        Root of the energy, shape (n_robots,); strengths of unit norm, 0 in channels that are not usable, shape
-        (n_robots, n_elements); and azimuth, shape (n_robots,). Zeros for robots without a pulse.
+        Square root of the energy, V, shape (n_robots,); strengths scaled to unit norm, 0 in channels that are not
+        usable, shape (n_robots, n_elements); and azimuth, shape (n_robots,). All are 0 for robots without a pulse.
     """
     n_robots, n_elements = is_usable.shape
     level_v, strengths, azimuth = np.zeros(n_robots), np.zeros((n_robots, n_elements)), np.zeros(n_robots)
@@ -101,17 +103,17 @@ def observe_robots(
     strengths_v: FloatArray,
     azimuth_rad: FloatArray,
 ) -> Float32Array:
-    """Compute the observations of all robots, clipped to their bounds; the order is that of `ObservationLayout`.
+    """Compute the observations of all robots, clipped to their bounds and in the order of `ObservationLayout`.
 
     Args:
-        held: States, parameters and bounds; the last bearings are updated from the strongest pulses.
-        readings: Values of `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
-        robot: Robot of each pulse of this step, shape (n_pulses,).
+        held: States, parameters and bounds; `bearing` and `bearing_age_s` are updated from the strongest pulses.
+        readings: Sensor readings as in `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
+        robot: Index of the robot that detected each pulse of this step, shape (n_pulses,).
         strengths_v: Strengths of the pulses, shape (n_pulses, n_elements).
         azimuth_rad: Azimuths of the pulses, array frame, shape (n_pulses,).
 
     Returns:
-        Shape (n_numbers, n_robots), so that each entry is contiguous.
+        Observation vectors as columns, shape (n_numbers, n_robots), so that each entry is contiguous.
     """
     state, parameters, (low, high) = held.value
     level_v, strengths, azimuth = strongest_pulses(state.is_usable, robot, strengths_v, azimuth_rad)

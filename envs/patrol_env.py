@@ -31,14 +31,14 @@ ScenarioFunction = Callable[[np.random.Generator], Scenario]
 ScenarioSource = str | Path | Scenario | Mapping[str, Any] | ScenarioFunction
 
 ROW = np.zeros(1, dtype=np.intp)
-"""Row of the only robot."""
+"""Index of the only robot, as the array of rows that `Simulation` expects."""
 
 
 class SimulatedEnv:
-    """Properties that the single and the vector environment share.
+    """Properties that the single and the vectorised environment share.
 
     Attributes:
-        simulation: The simulation of all robots.
+        simulation: Simulation of all robots.
         closed: Whether the environment has been closed.
     """
 
@@ -48,12 +48,12 @@ class SimulatedEnv:
 
     @property
     def scenario(self) -> Scenario:
-        """Scenario of this episode."""
+        """Scenario of the current episode."""
         return self.simulation.scenario
 
     @property
     def spec(self) -> EnvSpec | None:
-        """Spec with which Gymnasium made the environment, with the length of an episode in steps."""
+        """Spec from which Gymnasium made the environment; `max_episode_steps` is that of the scenario."""
         return self._spec
 
     @spec.setter
@@ -73,7 +73,7 @@ class SimulatedEnv:
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
-    """Convert an argument to what JSON can hold, where possible."""
+    """Convert an argument to data that JSON can represent, if possible."""
     if isinstance(value, Scenario):
         return value.model_dump(mode="json")
     if inspect.isfunction(value) and "<" not in value.__qualname__:
@@ -89,103 +89,105 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     """An inspection robot in a substation yard that detects partial discharges with six directional antennas.
 
     ## Action
-    `Box(-1, 1, (2,), float32)`: forward speed and yaw rate (counter-clockwise) as shares of the robot's limits. These
-    are the limits of the inspector, the default robot:
+    `Box(-1, 1, (2,), float32)`: forward speed and yaw rate (counter-clockwise) as fractions of the robot's limits. The
+    limits of the inspector, the default robot, are:
 
     | index | action | limit | unit |
     |---|---|---|---|
     | 0 | forward speed | 0.8 | m/s |
     | 1 | yaw rate | 1.5 | rad/s |
 
-    Actions beyond [-1, 1] are clipped. NaN, infinity and other shapes raise ValueError.
+    Actions outside [-1, 1] are clipped. NaN, infinity and wrong shapes raise ValueError.
 
     ## Observation
     A flat `Dict` of float32 boxes. World frame: x east, y north, origin at the south-west corner of the yard. Array
-    frame: x forward, y left. In a step without a pulse `detected` is 0 and the entries of the pulse are zero. Nothing
-    is NaN.
+    frame: x forward, y left. In a step without a pulse, `detected`, `strengths`, `level` and `spectrum` are 0. No entry
+    is ever NaN.
 
     | key | shape | range | unit | meaning |
     |---|---|---|---|---|
-    | pose | 4 | yard and 5 m around, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
-    | lidar | 36 | [0, 12] | m | ranges every 10 degrees counter-clockwise, the first ahead; 12 if nothing is in reach |
+    | pose | 4 | yard plus 5 m on each side, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
+    | lidar | 36 | [0, 12] | m | ranges every 10 degrees counter-clockwise, starting ahead; 12 if nothing is in range |
     | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | speed and yaw rate; bounds are twice the limits |
     | detected | 1 | [0, 1] | 1 | 1 if a pulse was detected in this step |
-    | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm; 4 with an array of 4 |
-    | level | 1 | [0, 5] | decades | log10 of its strength over the noise of one sample, clipped |
-    | spectrum | 72 | [0, 1] | 1 | its pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
+    | strengths | n_elements | [0, 1] | 1 | channel strengths of the strongest pulse of this step, unit norm |
+    | level | 1 | [0, 5] | decades | log10 of that pulse's strength over the noise of one sample, clipped |
+    | spectrum | 72 | [0, 1] | 1 | that pulse's pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
     | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |
-    | bearing_age | 1 | [0, 60] | s | time since that bearing, clipped; 60 before the first |
+    | bearing_age | 1 | [0, 60] | s | time since the last bearing, clipped; 60 before the first |
     | waypoint | 2 | yard | m | first waypoint not yet visited, world frame; the dock after the last |
     | time | 1 | [0, time limit] | s | time since the start of the episode |
 
     ## Reward
-    Metres of progress towards the nearest source not yet approached, minus 0.05 per second, minus 1 for each step in
-    contact with anything but the floor. The terms are in `info`. Progress uses the true positions of the sources, which
-    a policy does not know.
+    The reward is the progress in metres towards the nearest source not yet approached, minus 0.05 per second, minus 1
+    for each step in contact with anything but the floor. `info` holds the three terms. Progress is computed from the
+    true positions of the sources, which a policy does not know.
 
     ## Episode
     `reset` draws the site and amplitude of each source, the heading at the dock, and the errors of array and pose. An
-    episode terminates when every source has been approached to the stand-off distance (with `terminate_on_approach`),
-    when the robot is back at the dock after the route, or when it has fallen over, that is, leans by more than 45
-    degrees. `success` in `info` distinguishes the first case. It is truncated at the time limit of the scenario, which
-    the spec of a made environment states as `max_episode_steps`; the registered spec has none, as the limit depends on
-    the scenario. A lower limit from `gymnasium.make(max_episode_steps=...)` is applied by Gymnasium around the
-    environment.
+    episode terminates when every source has been approached to within the stand-off distance (with
+    `terminate_on_approach`), when the robot is back at the dock after the route, or when it has fallen over, that is,
+    leans by more than 45 degrees. `success` in `info` is True in the first case only. An episode is truncated at the
+    time limit of the scenario. `spec.max_episode_steps` of an environment gives this limit in steps; the registered
+    spec has None, because the limit depends on the scenario. A lower limit from
+    `gymnasium.make(max_episode_steps=...)` is applied by Gymnasium's `TimeLimit` wrapper.
 
     ## Seeds
-    `reset(seed=...)` takes non-negative integers of Python or NumPy. With None the present generator continues.
+    `reset(seed=...)` takes non-negative Python or NumPy integers. None continues with the current generator.
 
     ## Options
-    `reset(options=...)` sets values that are drawn by default: `start_pose` (x m, y m, yaw rad), and `sources`, a dict
-    from the name of a source to a site (`equipment/site`) or a position (x, y, z).
+    `reset(options=...)` sets values that are otherwise drawn: `start_pose` (x m, y m, yaw rad), and `sources`, a dict
+    that maps the name of a source to a site (`equipment/site`) or a position (x, y, z), metres.
 
     ## Info
-    The same entries after `reset` and `step`, Python numbers and NumPy arrays of fixed shapes:
+    `reset` and `step` return the same entries, Python numbers and NumPy arrays of fixed shapes:
 
     | key | shape | unit | meaning |
     |---|---|---|---|
     | time_s | () | s | time since the start |
     | believed_pose | (3,) | m, m, rad | x, y, yaw as observed, but float64 |
-    | odometry | (3,) | m, m, rad | pose by wheels and gyro alone, from the believed pose at the start |
-    | battery | () | 1 | remaining share |
-    | reward_progress | () | 1 | term of the reward |
-    | reward_time | () | 1 | term of the reward |
-    | reward_contact | () | 1 | term of the reward |
+    | odometry | (3,) | m, m, rad | pose from wheels and gyro alone, starting at the believed pose |
+    | battery | () | 1 | state of charge |
+    | reward_progress | () | 1 | reward term for progress |
+    | reward_time | () | 1 | reward term for time |
+    | reward_contact | () | 1 | reward term for contacts |
     | touched | () | bool | whether the robot touched anything but the floor in this step |
-    | fell_over | () | bool | whether it leans by more than 45 degrees |
+    | fell_over | () | bool | whether the robot leans by more than 45 degrees |
     | success | () | bool | whether every source has been approached; False without sources |
     | is_success | () | bool | the same as `success`, under the name that Stable-Baselines3 logs |
     | approached | (n_sources,) | bool | approached sources, in the order of the scenario |
     | waypoints_visited | (n_waypoints,) | bool | visited waypoints |
-    | true_pose | (3,) | m, m, rad | for logs and scores; of all policies only `oracle` may use it |
+    | true_pose | (3,) | m, m, rad | x, y, yaw, for logs and scores; only the policy `oracle` may use it |
 
-    With `full_info` also entries without a fixed shape, which learning libraries cannot stack: `pulses` (a
+    With `full_info`, `info` also has entries without a fixed shape, which learning libraries cannot stack: `pulses` (a
     `dirmusic.PulseBatch` of this step), `touched_names`, `suspects` (channels newly found faulty), and after `reset`
-    `truth`: everything that was drawn, for logs and scores.
+    `truth` (everything that was drawn, for logs and scores).
 
     ## Order of calls
-    `step` and `render` before `reset` raise `gymnasium.error.ResetNeeded`; after `close` everything but `close` raises
-    `gymnasium.error.ClosedEnvironmentError`. An episode that is over continues when it is stepped.
+    `step` and `render` before `reset` raise `gymnasium.error.ResetNeeded`. After `close`, all calls but `close` raise
+    `gymnasium.error.ClosedEnvironmentError`. An episode that is over can still be stepped; it continues.
 
     ## Rendering
-    `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
-    `human` opens a window and updates it with each step.
+    `rgb_array` is (480, 640, 3) uint8 and `depth_array` is (480, 640) float32, metres; both are seen by a camera that
+    follows the robot. `human` opens a window and updates it at each step.
 
     ## Pickling
-    An environment can be copied and pickled in the middle of an episode, and the copy continues as the original would.
+    An environment can be copied and pickled in the middle of an episode; the copy continues exactly as the original
+    would.
 
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, a `Scenario`, its plain data, or a function that
-            draws a scenario from a generator for each episode; all of these must have one size of yard, limits of the
-            robot, number of elements and time limit. A function can be named as `package.module:function`. The spec of
-            the environment goes through JSON unless the function is a lambda, a closure or without a name otherwise.
-        terminate_on_approach: Whether an episode ends once all sources are approached. Missions continue, to locate the
-            source and come home.
+            draws a scenario from a random generator for each episode. All scenarios that a function draws must have the
+            same yard size, robot limits, number of array elements and time limit. The function can also be named as
+            `package.module:function`. The spec of the environment can be saved as JSON unless the function is a lambda,
+            a closure or otherwise cannot be imported by name.
+        terminate_on_approach: Whether an episode ends once all sources are approached. Missions switch this off: the
+            robot still has to locate the sources and return to the dock.
         full_info: Whether `info` also holds entries without a fixed shape.
         render_mode: `human`, `rgb_array`, `depth_array`, or None.
 
     Raises:
-        ScenarioError: If the scenario has errors; all are listed.
+        ScenarioError: If the scenario has errors; all of them are listed.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
@@ -223,8 +225,8 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         """Start an episode at the dock.
 
         Args:
-            seed: Seed of everything that is drawn; None to continue with the present generator.
-            options: Values to set in place of drawing them; see the class.
+            seed: Seed of all random draws; None to continue with the current generator.
+            options: Values to set instead of drawing them; see the class.
         """
         self._check_call("reset")
         seed, values = None if seed is None else operator.index(seed), ResetOptions()
@@ -249,7 +251,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._observation(), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s and listen."""
+        """Drive for 0.1 s and record the pulses that are detected."""
         self._check_call("step")
         simulation, states = self.simulation, self.simulation.states
         simulation.step(simulation.robot.command_from_action(check_actions(action, (2,)))[np.newaxis])
@@ -270,7 +272,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         return info
 
     def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return the picture of a camera behind the robot, or show it in a window and return None."""
+        """Return the image of a camera behind the robot, or show it in a window and return None."""
         if self.render_mode is None:
             gymnasium.logger.warn(
                 "render() was called without a render mode: give one to make(), for example "
@@ -283,7 +285,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._camera.take(self.simulation.robots.data())
 
     def close(self) -> None:
-        """Close the environment with its window and renderer; closing twice is allowed."""
+        """Close the environment, its window and its renderer; further calls have no effect."""
         self.closed = True
         self._close_camera()
 
@@ -293,7 +295,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             self._camera = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state without the camera, which opens again when it is needed."""
+        """Return the state without the camera, which is reopened when it is needed."""
         return {**self.__dict__, "_camera": None}
 
 
@@ -319,10 +321,10 @@ def resolve_scenario(scenario: Any) -> Scenario | ScenarioFunction:  # noqa: ANN
 
 
 def check_actions(actions: Any, shape: tuple[int, ...]) -> NDArray[Any]:  # noqa: ANN401 - users may pass anything
-    """Convert actions to an array. The robot clips its commands to its limits, and so actions to [-1, 1].
+    """Convert actions to an array. They are not clipped here: the robot clips its commands to its limits.
 
     Raises:
-        ValueError: If the actions have another shape or are not finite real numbers.
+        ValueError: If the actions have the wrong shape or are not finite real numbers.
     """
     given = np.asarray(actions)
     if given.shape != shape:

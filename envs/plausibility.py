@@ -1,4 +1,4 @@
-"""Notes on settings that are allowed but probably not intended."""
+"""Warnings about scenario settings that are valid but probably not intended."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.sensing.receiver.receiver import Receiver
 
 REFLECTION_MARGIN_DB = 6.0
-"""Gain that reflections may add to the direct path. Assumed; two coherent paths of equal strength."""
+"""Gain that reflections may add to the direct path: two coherent paths of equal strength. Assumed."""
 
 
 def plausibility(scenario: Scenario) -> Iterator[str]:
-    """Yield notes on sources that never discharge or cannot be detected, each as `key: note`."""
+    """Warn about sources that never discharge or cannot be detected, each warning as `key: message`."""
     receiver = Receiver(scenario.receiver, scenario.array.n_channels)
     if scenario.receiver.full_scale_v <= receiver.threshold_v:
         yield (

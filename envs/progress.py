@@ -1,4 +1,4 @@
-"""Task of an episode: approached sources, visited waypoints, reward, and end."""
+"""Task progress of an episode: approached sources, visited waypoints, reward and termination."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pdpatrol.robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
 FloatArray = NDArray[np.float64]
 
 MAX_BEARING_AGE_S = 60.0
-"""Upper bound of the observed age of the last bearing. Assumed; older bearings say little about a moving robot."""
+"""Upper bound of the observed age of the last bearing. Assumed; an older bearing is of little use to a moving robot."""
 
 
 @compiled_inner
@@ -27,7 +27,7 @@ def nearest_distance(state: RobotStates, r: int, x: float, y: float) -> float:
 
 @compiled
 def visit(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
-    """Mark the sources and waypoints that robot `r` has reached, and note whether its episode ends."""
+    """Mark the sources and waypoints that robot `r` has reached, and set the flags that end its episode."""
     x, y, sources_m, stops_m = reading[POSE][0], reading[POSE][1], state.sources_m[r], parameters.stops_m
     approached, visited, n_waypoints = state.approached[r], state.waypoints_visited[r], len(stops_m) - 1
     all_approached, route_done = len(sources_m) > 0, n_waypoints > 0
@@ -51,7 +51,7 @@ def visit(state: RobotStates, parameters: Parameters, reading: FloatArray, r: in
 
 @compiled_inner
 def start_progress(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
-    """Start the progress of robot `r` at the beginning of an episode; arguments as in `advance_progress`."""
+    """Initialise the progress of robot `r` at the start of an episode; arguments as in `advance_progress`."""
     state.approached[r], state.waypoints_visited[r] = False, False
     state.bearing[r], state.bearing_age_s[r] = 0.0, MAX_BEARING_AGE_S
     state.reward[r], state.reward_progress[r], state.reward_time[r], state.reward_contact[r] = 0.0, 0.0, 0.0, 0.0
@@ -61,13 +61,13 @@ def start_progress(state: RobotStates, parameters: Parameters, reading: FloatArr
 
 @compiled_inner
 def advance_progress(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
-    """Update progress, reward and end of robot `r` after a step.
+    """Update progress, reward and termination of robot `r` after a step.
 
     Args:
-        state: State of all robots; updated.
-        parameters: Parameters.
+        state: State of all robots; updated in place.
+        parameters: Parameters that all robots share.
         reading: Row of the robot in `pdpatrol.robot_models.readings.Readings`.
-        r: The robot.
+        r: Index of the robot.
     """
     nearer_m = state.distance_m[r] - nearest_distance(state, r, reading[POSE][0], reading[POSE][1])
     state.reward_progress[r] = parameters.reward_per_metre * nearer_m

@@ -1,4 +1,4 @@
-"""State and parameters of the simulated robots, on which the compiled functions of the environment work."""
+"""State and parameters of the simulated robots, as arrays for the compiled functions of the environments."""
 
 from __future__ import annotations
 
@@ -17,47 +17,47 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 N_DRAWS = 4
-"""Standard normal draws per robot and step: x, y and yaw of the pose sensor, and the gyro."""
+"""Number of standard normal draws per robot and step: x, y and yaw of the pose sensor, and the gyro."""
 
 SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
-"""Array-frame azimuths of the observed pseudo-spectrum."""
+"""Azimuths at which the pseudo-spectrum is observed, array frame."""
 
 
 class RobotStates(NamedTuple):
-    """State of the robots, with a row for each. The compiled functions change it in place.
+    """State of all robots, one row per robot. Compiled functions update the arrays in place.
 
     Attributes:
-        n_steps: Steps since the start, shape (n_robots,).
-        time_s: Time since the start, shape (n_robots,).
-        true_pose: x m, y m, yaw in (-pi, pi], shape (n_robots, 3).
+        n_steps: Number of steps since the start of the episode, shape (n_robots,).
+        time_s: Time since the start of the episode, shape (n_robots,).
+        true_pose: True pose, x m, y m, yaw in (-pi, pi], shape (n_robots, 3).
         believed_pose: Reading of the pose sensor, same units and shape.
-        pose_error: Error of that reading, NaN before the first, same units and shape.
-        odometry: Pose by wheels and gyro alone, same units and shape.
-        wheels_rad: Angles of the left and the right wheel, shape (n_robots, 2).
-        metres_per_radian: Believed path per angle of the wheels, shape (n_robots,).
-        gyro_bias_radps: Shape (n_robots,).
-        used_wh: Energy taken from the battery, shape (n_robots,).
-        battery: Remaining share of its capacity, in [0, 1], shape (n_robots,).
+        pose_error: Error of that reading, NaN before the first reading, same units and shape.
+        odometry: Pose estimated from wheels and gyro alone, same units and shape.
+        wheels_rad: Angles of the left and right wheels, shape (n_robots, 2).
+        metres_per_radian: Wheel radius that the odometry assumes, m per rad, shape (n_robots,).
+        gyro_bias_radps: Bias of the gyro, shape (n_robots,).
+        used_wh: Energy drawn from the battery, shape (n_robots,).
+        battery: State of charge, in [0, 1], shape (n_robots,).
         sources_m: True positions of the sources, world frame, shape (n_robots, n_sources, 2).
         approached: True for sources that the robot has approached, shape (n_robots, n_sources).
         waypoints_visited: True for visited waypoints, shape (n_robots, n_waypoints).
         distance_m: Distance to the nearest source not yet approached, 0 if all are approached, shape (n_robots,).
-        success: True if it has approached every source, False without sources, shape (n_robots,).
-        touched: True if it touched anything but the floor in the last step, shape (n_robots,).
-        fell_over: True if it leans too much to recover, shape (n_robots,).
+        success: True if the robot has approached every source, False without sources, shape (n_robots,).
+        touched: True if the robot touched anything but the floor in the last step, shape (n_robots,).
+        fell_over: True if the robot leans too far to recover, shape (n_robots,).
         terminated: True if the task is done or the robot has fallen over, shape (n_robots,).
-        truncated: True if the time is up, shape (n_robots,).
+        truncated: True if the time limit is reached, shape (n_robots,).
         reward: Reward of the last step, shape (n_robots,).
-        reward_progress: Term of the reward, shape (n_robots,).
-        reward_time: Term of the reward, shape (n_robots,).
-        reward_contact: Term of the reward, shape (n_robots,).
+        reward_progress: Reward term for progress, shape (n_robots,).
+        reward_time: Reward term for time, shape (n_robots,).
+        reward_contact: Reward term for contacts, shape (n_robots,).
         bearing: Cos and sin of the last bearing, world frame, zeros before the first, shape (n_robots, 2).
-        bearing_age_s: Time since that bearing, shape (n_robots,).
+        bearing_age_s: Time since the last bearing, shape (n_robots,).
         motion_normal: Standard normal draws for the motion sensors, shape (n_robots, N_DRAWS).
         lidar_normal: Standard normal draws for the lidar, shape (n_robots, n_beams).
-        is_usable: True for channels not found faulty, shape (n_robots, n_elements).
-        spectrum_gain: Unit gains of the usable channels towards `SPECTRUM_AZIMUTHS_RAD`, shape (n_robots, n_elements,
-            n_azimuths).
+        is_usable: True for channels that have not been found faulty, shape (n_robots, n_elements).
+        spectrum_gain: Gains of the usable channels towards `SPECTRUM_AZIMUTHS_RAD`, scaled to unit norm, shape
+            (n_robots, n_elements, n_azimuths).
     """
 
     n_steps: FloatArray
@@ -93,7 +93,7 @@ class RobotStates(NamedTuple):
 
     @classmethod
     def zeros(cls, n_robots: int, scenario: Scenario) -> Self:
-        """Make the states of robots that have not been started."""
+        """Create all-zero states, for robots whose episodes have not started."""
         n_sources, n_elements = len(scenario.sources), scenario.array.n_channels
         shapes = {
             "true_pose": (3,),
@@ -121,22 +121,22 @@ class Parameters(NamedTuple):
     """Parameters that all robots share.
 
     Attributes:
-        step_s: Length of a step.
-        max_steps: Steps after which an episode is truncated.
+        step_s: Duration of a step.
+        max_steps: Number of steps after which an episode is truncated.
         pose_std: Standard deviations of the pose sensor's error in x, y and yaw, shape (3,).
-        pose_correlation: Correlation of its errors in successive steps.
+        pose_correlation: Correlation between the pose sensor's errors in successive steps.
         gyro_noise_rad: Standard deviation of the gyro noise per step.
         idle_w: Constant load of the battery.
         capacity_wh: Capacity of the battery.
-        stops_m: Waypoints and dock, shape (n_waypoints + 1, 2).
-        standoff_m: Distance within which a source is approached.
-        stop_radius_m: Distance within which a stop is reached.
+        stops_m: Positions of the waypoints, in order, and of the dock, shape (n_waypoints + 1, 2).
+        standoff_m: Distance within which a source counts as approached.
+        stop_radius_m: Distance within which a waypoint or the dock counts as reached.
         ends_on_approach: Whether an episode ends once all sources are approached.
-        reward_per_metre: Weight of progress towards the nearest source not yet approached.
-        reward_per_second: Weight of time.
+        reward_per_metre: Reward per metre of progress towards the nearest source not yet approached.
+        reward_per_second: Reward per second.
         reward_per_contact_step: Reward of a step in contact with anything but the floor.
         lidar_std_m: Standard deviation of the lidar ranges.
-        noise_v: Standard deviation of one sample of the receiver.
+        noise_v: Standard deviation of the receiver noise in one sample.
     """
 
     step_s: float
@@ -165,13 +165,13 @@ class Parameters(NamedTuple):
         ends_on_approach: bool = True,
         max_episode_steps: int | None = None,
     ) -> Self:
-        """Make the parameters of a scenario.
+        """Derive the parameters from a scenario.
 
         Args:
             scenario: The scenario.
-            step_s: Length of a step.
+            step_s: Duration of a step.
             ends_on_approach: Whether an episode ends once all sources are approached.
-            max_episode_steps: Limit on the steps of an episode besides the scenario's time limit.
+            max_episode_steps: Maximum number of steps of an episode, in addition to the scenario's time limit.
         """
         task, odometry, pose_sensor = scenario.task, scenario.odometry, scenario.pose_sensor
         return cls(
@@ -195,4 +195,4 @@ class Parameters(NamedTuple):
 
 
 HeldRobots = Held[tuple[RobotStates, Parameters, tuple[NDArray[np.float32], NDArray[np.float32]]]]
-"""States, parameters, and lowest and highest values of the observation vectors, which compiled functions take."""
+"""Argument of the compiled functions: states, parameters, and lower and upper bounds of the observation vectors."""

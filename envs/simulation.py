@@ -1,7 +1,7 @@
-"""Simulation of many robots, each in its own copy of one yard, on which both environments are built.
+"""Simulation of many robots, each in its own copy of one yard. Both environments are built on it.
 
-A row is a robot. What happens in one row is the same to the bit whatever happens in the others: each row draws from its
-own generators, and all results are computed along the row alone.
+Each array has one row per robot. A row is bit-identical whatever the other rows do: each robot has its own random
+generators, and no computation mixes rows.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ INFO_KEYS = (
     "time_s", "believed_pose", "odometry", "battery", "reward_progress", "reward_time", "reward_contact", "touched",
     "fell_over", "success", "approached", "waypoints_visited", "true_pose",
 )  # fmt: skip
-"""Fields of `RobotStates` in the `info` of the environments."""
+"""Fields of `RobotStates` that the environments return in `info`."""
 
 
 @compiled
 def start_robots(held: HeldRobots, readings: FloatArray, rows: Rows) -> None:
-    """Start the episodes of some robots; arguments as in `advance_robots`."""
+    """Initialise the states of some robots at the start of an episode; arguments as in `advance_robots`."""
     state, parameters, _ = held.value
     for r in rows:
         start_motion(state, parameters, readings[r], r)
@@ -56,9 +56,9 @@ def advance_robots(held: HeldRobots, readings: FloatArray, is_touching: BoolArra
 
     Args:
         held: States, parameters and bounds of the observation.
-        readings: Values of `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
+        readings: Sensor readings as in `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
         is_touching: True for robots in contact with anything but the floor, shape (n_robots,).
-        rows: The robots.
+        rows: Indices of the robots to update.
     """
     state, parameters, _ = held.value
     for r in rows:
@@ -68,28 +68,28 @@ def advance_robots(held: HeldRobots, readings: FloatArray, is_touching: BoolArra
 
 
 class Simulation:
-    """Episodes of one scenario.
+    """Simulation of the episodes of one scenario.
 
     Args:
         scenario: Scenario of all episodes.
         n_robots: Number of robots.
         n_threads: Number of threads for physics and receivers, 0 for all cores.
         terminate_on_approach: Whether an episode ends once all sources are approached.
-        max_episode_steps: Limit on the steps of an episode besides the scenario's time limit.
+        max_episode_steps: Maximum number of steps of an episode, in addition to the scenario's time limit.
 
     Attributes:
         robot: Description of the robots.
         robots: Physics of the robots.
-        array: Array as the robots know it.
+        array: Array model that the robots use for direction finding.
         estimator: Bearing estimator.
         layout: Layout and space of the observations.
-        max_episode_steps: Steps after which an episode is truncated.
-        states: States of the robots, with the results of the last step or start.
-        info: Arrays of `states` that the environments report, by key.
-        truths: Ground truth of the episode of each robot, empty before the first start.
-        generators: Random generators of the episode of each robot.
-        pulse_rows: Robot of each pulse of the last step, shape (n_pulses,), not decreasing.
-        pulses: Pulses of the last step of all robots with their bearings.
+        max_episode_steps: Number of steps after which an episode is truncated.
+        states: States of the robots after the last step or start.
+        info: Arrays of `states` that the environments return in `info`, by key.
+        truths: Ground truth of each robot's current episode; empty before the first start.
+        generators: Random generators of each robot's current episode.
+        pulse_rows: Row of the robot that detected each pulse of the last step, shape (n_pulses,), in ascending order.
+        pulses: Pulses that all robots detected in the last step, with their bearings.
         suspects: Channels newly found faulty, for each robot.
     """
 
@@ -128,11 +128,11 @@ class Simulation:
 
     @property
     def has_begun(self) -> bool:
-        """True once every robot has been started."""
+        """Whether an episode has been started for every robot."""
         return self._receivers is not None
 
     def start(self, rows: Rows, rngs: Sequence[np.random.Generator], options: ResetOptions) -> None:
-        """Start new episodes in some rows, each with its generator; the first start must be of all rows."""
+        """Start new episodes in some rows, each with its own generator; the first call must start all rows."""
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, each, options) for each in spawned]
         listeners = [
@@ -162,11 +162,11 @@ class Simulation:
             self.states.gyro_bias_radps[row] = np.radians(odometry.gyro_bias_deg_per_min) / 60.0 * bias
 
     def step(self, commands: FloatArray, rows: Rows | None = None) -> None:
-        """Drive some robots for 0.1 s and listen.
+        """Drive some robots for 0.1 s and record the pulses that they detect.
 
         Args:
-            commands: Speeds, m/s, and yaw rates, rad/s, shape (n_robots, 2).
-            rows: Robots that drive; None for all. For the others no time passes.
+            commands: Commanded speeds, m/s, and yaw rates, rad/s, shape (n_robots, 2).
+            rows: Indices of the robots to advance; None for all. No time passes for the others.
         """
         assert self._receivers is not None, "start first"
         start_s = self.states.time_s.copy()
@@ -198,7 +198,7 @@ class Simulation:
             self.generators[row].lidar.standard_normal(out=self.states.lidar_normal[row])
 
     def _watch_channels(self, row: int, own: slice) -> None:
-        """Search the pulses of one robot for channels newly faulty, and take its bearings from the others."""
+        """Check the pulses of one robot for newly faulty channels, and estimate its bearings without these."""
         monitor = self._monitors[row]
         if monitor.n_bad:
             renewed, self.suspects[row] = monitor.watch(self.pulses.take(own))
@@ -213,6 +213,10 @@ class Simulation:
         self.states.spectrum_gain[row] = self._unit_gain(monitor.good)
 
     def _unit_gain(self, good: NDArray[Any]) -> FloatArray:
-        """Return the gains of the good channels (n_elements,) towards the observed azimuths, scaled to unit norm."""
+        """Return the gains of the good channels towards the observed azimuths, scaled to unit norm.
+
+        Args:
+            good: True for good channels, shape (n_elements,).
+        """
         gain = self.array.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * good[:, np.newaxis]
         return gain / np.linalg.norm(gain, axis=0)

@@ -1,4 +1,4 @@
-"""PatrolVectorEnv: many robots at once, each in its own copy of one yard."""
+"""PatrolVectorEnv: vectorised environment of many robots, each in its own copy of one yard."""
 
 from __future__ import annotations
 
@@ -27,41 +27,44 @@ BoolArray = NDArray[np.bool_]
 class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
 ):
-    """Many robots at once, as `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)` makes them.
+    """Vectorised environment of many robots; made by `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)`.
 
-    Row i equals, to the bit, a `PatrolEnv` that was reset with `seed + i`, for any N and number of threads. The physics
-    runs on threads; sensing and direction finding of all rows are computed together.
+    Row i is bit-identical to a `PatrolEnv` that was reset with `seed + i`, for any N and any number of threads. The
+    physics runs on several threads; sensing and direction finding are batched over all rows.
 
     ## Spaces
-    Those of `PatrolEnv`, with a row for each robot.
+    The spaces are those of `PatrolEnv`, with one row per robot.
 
     ## Episodes
-    With `AutoresetMode.NEXT_STEP`, the default, the step after the end of an episode starts the next one: its action is
-    ignored, its reward is 0 and its observation the first of the new episode. With `SAME_STEP` the step that ends an
-    episode returns the first observation of the next one, and `info["final_obs"]` and `info["final_info"]` hold the end
-    of the old one. With `DISABLED`, `reset(options={"reset_mask": mask})` resets the rows of a mask.
+    With `AutoresetMode.NEXT_STEP`, the default, the step after the end of an episode starts the next episode: the
+    action is ignored, the reward is 0, and the observation is the first of the new episode. With `SAME_STEP`, the step
+    that ends an episode returns the first observation of the next one, and `info["final_obs"]` and
+    `info["final_info"]` hold the last observation and info of the old one. With `DISABLED`,
+    `reset(options={"reset_mask": mask})` resets the rows where the mask is True.
 
     ## Info
-    That of `PatrolEnv`, arrays with a row for each robot, and a mask `_key` of the rows that have an entry for each
-    `key`, as in `gymnasium.vector.SyncVectorEnv`. With `full_info` also `pulses`, a dict of arrays with a row for each
-    pulse of any robot: `robot`, and the columns of a `dirmusic.PulseBatch`.
+    `info` has the entries of `PatrolEnv` as arrays with one row per robot, and for each `key` a mask `_key` of the rows
+    that have this entry, as in `gymnasium.vector.SyncVectorEnv`. With `full_info`, it also has `pulses`, a dict of
+    arrays with one row per pulse of any robot: `robot`, and the columns of a `dirmusic.PulseBatch`.
 
     ## Order of calls
-    `step` before `reset`, `step` of a row that is over with `DISABLED`, and a first `reset` of some rows only raise
-    `gymnasium.error.ResetNeeded`; after `close` both raise `gymnasium.error.ClosedEnvironmentError`.
+    These calls raise `gymnasium.error.ResetNeeded`: `step` before `reset`; with `DISABLED`, `step` while the episode of
+    a row is over; and a first `reset` of only some of the rows. After `close`, `step` and `reset` raise
+    `gymnasium.error.ClosedEnvironmentError`.
 
     Args:
         num_envs: Number of robots.
-        scenario: Name of a shipped scenario, path of a TOML file, a `Scenario` or its plain data, for all rows.
+        scenario: Scenario of all rows: the name of a shipped scenario, the path of a TOML file, a `Scenario` or its
+            plain data.
         terminate_on_approach: Whether an episode ends once all sources are approached.
         full_info: Whether `info` also holds the pulses of each step, which have no fixed shape.
-        max_episode_steps: Limit on the steps of an episode besides the time limit of the scenario.
-        num_threads: Number of threads for physics and receivers, 0 for all cores. The result does not depend on it.
+        max_episode_steps: Maximum number of steps of an episode, in addition to the scenario's time limit.
+        num_threads: Number of threads for physics and receivers, 0 for all cores. Results do not depend on it.
         autoreset_mode: When the next episode of a row starts.
-        render_mode: None; make a single environment for pictures.
+        render_mode: Must be None; to render, make a single `PatrolEnv`.
 
     Raises:
-        ScenarioError: If the scenario has errors; all are listed.
+        ScenarioError: If the scenario has errors; all of them are listed.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
@@ -121,7 +124,8 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         """Start an episode in every row, or in the rows of `options["reset_mask"]`.
 
         Args:
-            seed: Row i gets `seed + i`; or a list with one seed per row. None continues with the present generators.
+            seed: An integer, so that row i is seeded with `seed + i`; a list with one seed per row; or None to continue
+                with the current generators.
             options: `reset_mask`, boolean, shape (num_envs,), and the options of `PatrolEnv.reset`.
         """
         self._check_call("reset")
@@ -139,7 +143,7 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._observation(), self._info(mask)
 
     def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - users may pass anything
-        """Return a seed or None for each row."""
+        """Return the seed of each row, or None for rows that keep their generator."""
         if seed is None:
             return [None] * self.num_envs
         seeds = seed if np.ndim(seed) else range(seed, seed + self.num_envs)
@@ -149,7 +153,7 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Generators of the rows."""
+        """Random generators of the rows."""
         return tuple(rng for rng, _ in self._rngs)
 
     @property
@@ -166,14 +170,14 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         self._is_over[rows] = False
 
     def _restart(self, is_over: BoolArray) -> None:
-        """Start the next episodes of some rows from their present generators."""
+        """Start the next episodes of some rows with their current generators."""
         if is_over.any():
             self._start(np.flatnonzero(is_over), ResetOptions(), [None] * self.num_envs)
 
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Drive all robots for 0.1 s and listen."""
+        """Drive all robots for 0.1 s and record the pulses that they detect."""
         self._check_call("step")
         simulation, states, was_over = self.simulation, self.simulation.states, self._is_over
         commands = simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
@@ -199,7 +203,7 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.simulation.layout.split(self.simulation.observe())
 
     def _info(self, rows: BoolArray) -> dict[str, Any]:
-        """Lay out the info as `SyncVectorEnv` does, with zeros in rows without an entry and a mask for each key."""
+        """Arrange the info as in `SyncVectorEnv`: zeros in rows without an entry, and a mask for each key."""
         info = dict[str, Any]()
         for key, values in self.simulation.info.items():
             info[key], info[f"_{key}"] = np.zeros_like(values), rows.copy()
@@ -209,4 +213,4 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         return info
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401 - as Gymnasium declares it
-        """Close nothing; no resources are held."""
+        """Do nothing: the environment holds no resources that must be released."""

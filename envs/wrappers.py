@@ -1,4 +1,4 @@
-"""Observations for learners: functions for batches, and wrappers of single environments."""
+"""Simpler observations for reinforcement learning: functions on batches, and wrappers of a single environment."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ BEARINGS_ONLY_KEYS = ("lidar", "velocity", "detected", "level", "bearing", "bear
 
 
 def bearings_only(observation: Observation) -> Observation:
-    """Reduce an observation to the entries that a robot without map and position has.
+    """Keep only the entries that are available to a robot without a map or a known position.
 
     Args:
-        observation: Observation of PDPatrol, each entry of shape (..., n) with any leading axes.
+        observation: Observation of `PatrolEnv`, each entry of shape (..., n) with any leading axes.
 
     Returns:
         `lidar`, `velocity`, `detected`, `level`, `bearing_age` and `time` unchanged, and `bearing` as cos and sin in
-        the robot's frame: (1, 0) is ahead, (0, 1) to the left, zeros before the first.
+        the robot's frame: (1, 0) is ahead, (0, 1) is to the left, and zeros mean that there is no bearing yet.
     """
     kept = {key: observation[key] for key in BEARINGS_ONLY_KEYS}
     pose, bearing = observation["pose"], observation["bearing"]
@@ -37,16 +37,16 @@ def bearings_only(observation: Observation) -> Observation:
 
 
 def bearings_only_space(whole: spaces.Space[Any]) -> spaces.Dict:
-    """Return the space of `bearings_only` for observations of the space `whole`."""
+    """Return the space of the observations that `bearings_only` returns, given the original space."""
     assert isinstance(whole, spaces.Dict)
     return spaces.Dict({key: whole[key] for key in BEARINGS_ONLY_KEYS})
 
 
 class Flattener:
-    """Conversion of observations to vectors, with each entry scaled to [-1, 1] by the bounds of its space.
+    """Function that flattens observations to vectors, each entry scaled to [-1, 1] by the bounds of its space.
 
     Args:
-        whole: Space of one observation, a `Dict` of boxes with one axis.
+        whole: Space of one observation, a `Dict` of one-dimensional boxes.
 
     Attributes:
         names: `key[index]` of each entry of the vector, in the order of the space's keys.
@@ -62,7 +62,7 @@ class Flattener:
         self.space = spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
 
     def __call__(self, observation: Observation) -> NDArray[np.float32]:
-        """Return the vectors, shape (..., n_entries), of observations with entries of shape (..., n)."""
+        """Flatten observations with entries of shape (..., n) to vectors of shape (..., n_entries)."""
         flat = (np.concatenate([observation[key] for key in self._keys], axis=-1) - self._middle) / self._half
         return np.clip(flat, -1.0, 1.0, dtype=np.float32)
 
@@ -71,7 +71,7 @@ class BearingsOnly(TransformObservation[Observation, Action, Observation]):
     """Wrapper that applies `bearings_only`.
 
     Args:
-        env: PDPatrol.
+        env: A `PatrolEnv`, possibly wrapped.
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Action]) -> None:
@@ -84,7 +84,7 @@ class FlatObservation(TransformObservation[NDArray[np.float32], Action, Observat
     """Wrapper that applies `Flattener`.
 
     Args:
-        env: PDPatrol, or `BearingsOnly` of it.
+        env: A `PatrolEnv`, possibly wrapped, for instance in `BearingsOnly`.
 
     Attributes:
         names: `key[index]` of each entry of the vector.

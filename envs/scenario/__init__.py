@@ -1,4 +1,4 @@
-"""Scenario files: tables, validation and loading."""
+"""Scenario files: definition of their tables, validation and loading."""
 
 from pdpatrol.envs.scenario.base import ScenarioError
 from pdpatrol.envs.scenario.loader import SHIPPED, load_scenario, restore_scenario, shipped_scenarios

@@ -28,7 +28,7 @@ STEP_S = 0.1
 DAY_PATTERN = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
 
 MAX_FILE_BYTES = 4_000_000
-"""Largest scenario file. Assumed; the largest yard that is allowed takes less."""
+"""Maximum size of a scenario file. Assumed; the largest valid yard takes less."""
 
 MAX_ERRORS_SHOWN = 50
 
@@ -37,7 +37,7 @@ FOLDER = "folder"
 
 
 def is_day(text: str) -> bool:
-    """Return whether a text is a calendar day of this century in the form 2026-03-02."""
+    """Return whether a text is a calendar date of this century in the form 2026-03-02."""
     try:
         return re.fullmatch(DAY_PATTERN, text) is not None and bool(date.fromisoformat(text))
     except ValueError:
@@ -56,20 +56,20 @@ Day = Annotated[
     BeforeValidator(lambda value: value.isoformat()[:10] if isinstance(value, date) else value),
     AfterValidator(_check_day),
 ]
-"""A day such as 2026-03-02. TOML dates are accepted; the day is kept as text, which logs and reports hold."""
+"""Date such as 2026-03-02. TOML dates are accepted and stored as text, as in logs and reports."""
 
 
 def weeks_between(first: str, last: str) -> float:
-    """Return the weeks from one `Day` to another, negative if `last` is earlier."""
+    """Return the number of weeks from one `Day` to another, negative if `last` is before `first`."""
     return (date.fromisoformat(last) - date.fromisoformat(first)).days / 7
 
 
 class ScenarioError(InputFileError):
-    """A scenario that cannot be used, with one line per error."""
+    """Error raised for a scenario that cannot be used, with one line per error found."""
 
 
 class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """Base of all tables of a scenario: frozen, strict, closed to unknown keys, infinity and NaN."""
+    """Base class of all scenario tables: frozen and strict; rejects unknown keys, infinity and NaN."""
 
 
 def resolve_path(path: str, info: ValidationInfo) -> str:
@@ -77,13 +77,13 @@ def resolve_path(path: str, info: ValidationInfo) -> str:
 
     Args:
         path: Path as written in the file.
-        info: Validation info with the folder in its context; without one the path stays as it is.
+        info: Validation info with the folder in its context. If the context has no folder, the path is not changed.
     """
     return str(Path((info.context or {}).get(FOLDER, "")) / path)
 
 
 def resolve_user_code(name: str, info: ValidationInfo) -> str:
-    """Resolve the path in `my_file.py:Name`; names of installed code stay as they are."""
+    """Resolve the path in `my_file.py:Name`; return the name of installed code unchanged."""
     file, colon, attribute = name.rpartition(":")
     if not colon:
         raise ValueError(f"no `{name}`; name your own as my_file.py:Name or package.module:Name")
@@ -91,7 +91,7 @@ def resolve_user_code(name: str, info: ValidationInfo) -> str:
 
 
 def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON hold values of many types
-    """Convert arrays of TOML or JSON to tuples, which the strict models require."""
+    """Convert TOML or JSON arrays to tuples, which the strict models require."""
     if isinstance(value, list | tuple):
         return tuple(as_tuples(item) for item in value)
     if isinstance(value, Mapping):
@@ -104,10 +104,10 @@ def read_toml(path: Path, wanted: str) -> dict[str, Any]:
 
     Args:
         path: The file.
-        wanted: Kind of file that the caller expects, for error messages.
+        wanted: Description of the expected file, for error messages.
 
     Raises:
-        InputFileError: If the file cannot be read, is too large, is not text or not TOML.
+        InputFileError: If the file cannot be read, is too large, or is not valid TOML in UTF-8.
     """
     try:
         return tomllib.loads(read_whole(path, MAX_FILE_BYTES).decode("utf-8-sig"))
@@ -115,16 +115,16 @@ def read_toml(path: Path, wanted: str) -> dict[str, Any]:
         raise InputFileError([f"{fault}; give {wanted}" for fault in error.faults]) from None
     except UnicodeDecodeError as error:
         raise InputFileError([f"{path}: byte {error.start} is not UTF-8 text; give {wanted}"]) from None
-    except (ValueError, RecursionError) as error:  # also integers of thousands of digits and deep nesting
+    except (ValueError, RecursionError) as error:  # also raised for huge integers and deep nesting
         raise InputFileError([f"{path}: is not valid TOML: {error}"]) from None
 
 
 def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """Format the errors of a validation as lines of the form `key: message`.
+    """Format validation errors as lines of the form `key: message`.
 
     Args:
         error: Errors that pydantic found.
-        model: Validated model, whose keys are suggested for unknown ones.
+        model: Model that was validated; the closest of its keys is suggested for an unknown key.
     """
     lines = [line for item in error.errors(include_url=False) for line in _lines_of(item, model)]
     n_more = len(lines) - MAX_ERRORS_SHOWN
@@ -135,7 +135,7 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
     keys = [str(part) for part in item["loc"]]
     key = ".".join(_short(part) for part in keys if not part.startswith("["))  # tags of unions stand in brackets
     if item["type"] == "value_error":
-        is_table = isinstance(item["input"], Mapping)  # checks of a table name the key within it
+        is_table = isinstance(item["input"], Mapping)  # such messages begin with a key of the table
         for line in str(item["ctx"]["error"]).splitlines():
             yield on_one_line(f"{key}{'.' if is_table else ': '}{line}" if key else line)
     elif item["type"] == "missing":
@@ -160,7 +160,7 @@ def _all_keys(model: type[BaseModel]) -> list[str]:
 
 
 def known_names(names: tuple[str, ...], wanted: str) -> str:
-    """List the names that are most like a wrong one, or the first few."""
+    """List the names closest to a wrong one, or the first few if none is close."""
     return ", ".join(get_close_matches(wanted, names, n=3) or names[:12]) or "none"
 
 
@@ -168,7 +168,7 @@ def shown(value: object) -> str:
     """Format a value for an error message, on one line and at most 60 characters."""
     try:
         return _short(repr(value))
-    except ValueError:  # Python does not write integers of more than 4300 digits
+    except ValueError:  # Python refuses to format integers of more than 4300 digits
         return "an integer of thousands of digits"
 
 
@@ -178,5 +178,5 @@ def _short(text: str) -> str:
 
 
 def on_one_line(text: str) -> str:
-    """Escape line breaks and whatever else cannot be printed."""
+    """Escape line breaks and all other characters that cannot be printed."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

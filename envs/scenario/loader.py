@@ -1,4 +1,4 @@
-"""Loading of scenario files, with one line for each error, and their JSON Schema."""
+"""Loading of scenario files, with one line per error, and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
     """Load a scenario by name or from a TOML file; return a `Scenario` unchanged.
 
     Args:
-        scenario: Name of a shipped scenario, `suite/LEVEL_NUMBER` for a yard of the suite, path of a file ending in
+        scenario: Name of a shipped scenario, `suite/LEVEL_NUMBER` for a yard of the suite, path of a file that ends in
             .toml, or a `Scenario`.
-        settings: Values to set before the file is checked, by keys such as `receiver.noise_v`.
+        settings: Values that replace those of the file before it is checked, by keys such as `receiver.noise_v`.
 
     Raises:
         ScenarioError: If the scenario does not exist or has errors; all of them are listed.
@@ -67,7 +67,7 @@ def _path_of(scenario: str | Path) -> Path:
 
 
 def _with_setting(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:  # noqa: ANN401 - as TOML
-    """Return a table with one value set, in inner tables that are made where they are missing."""
+    """Return a copy of a table with one value set; create inner tables that are missing."""
     first, *deeper = keys
     if not deeper:
         return {**table, first: value}
@@ -76,7 +76,7 @@ def _with_setting(table: Mapping[str, Any], keys: list[str], value: Any) -> dict
 
 
 def restore_scenario(data: Mapping[str, Any]) -> Scenario:
-    """Make a scenario from the plain data that `model_dump(mode="json")` made of it.
+    """Create a scenario from the plain data that its `model_dump(mode="json")` returned.
 
     Raises:
         ScenarioError: If the data has errors; all of them are listed.
@@ -88,9 +88,10 @@ def restore_scenario(data: Mapping[str, Any]) -> Scenario:
 
 
 def schema_text() -> str:
-    """Return the text of docs/schemas/scenario.schema.json, the JSON Schema of scenario files, draft 2020-12.
+    """Return the JSON Schema of scenario files, draft 2020-12, as the text of docs/schemas/scenario.schema.json.
 
-    It holds every table, key, type and bound. Combinations of keys and other files are checked by the loader alone.
+    The schema covers every table, key, type and bound. Only `load_scenario` checks combinations of keys, and the
+    contents of other files.
     """
     schema = Scenario.model_json_schema()
     schema["required"].remove("name")  # defaults to the name of the file

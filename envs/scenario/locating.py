@@ -1,4 +1,4 @@
-"""Tables of the bearing estimator and of the Locator."""
+"""Scenario tables of the bearing estimator and the Locator."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ BOUNDS = {
     "max_pulses": (2, 2000),
     "initiation_pulses": (2, 10_000),
 }
-"""Least and greatest values of the rules of the Locator by their keys, or by the last word of these."""
+"""Minimum and maximum values of the Locator's rules, by key or by the last word of a key, such as its unit."""
 
 
 def _optional_rules() -> dict[str, Any]:
-    """Define an optional key for each rule of the Locator: its type, and None as the default with bounds."""
+    """Define an optional key for each rule of the Locator: its type, its bounds, and None as the default."""
     keys = dict[str, Any]()
     for rule in (*fields(CredibilityRules), *fields(AssignmentRules), *fields(LocatingRules)):
         key = rule.name.replace("_rad", "_deg")
@@ -75,11 +75,13 @@ def _read_calibration(given: object, info: ValidationInfo) -> object:
 class LocatingConfig(OptionalRules, frozen=True):
     """The Locator and its rules.
 
-    `dirmusic.locating.rules` documents the rules and their defaults, under the same names with `_rad` for `_deg`.
+    `dirmusic.locating.rules` documents the rules and their defaults. Names are the same except that angles end in
+    `_rad` there and in `_deg` here.
     """
 
     solver: Literal["joint", "bearings"] = "joint"
-    """Fit positions to the strengths, jointly with the errors of the array, or to bearings alone."""
+    """`joint` fits positions to the strengths, jointly with the errors of the array; `bearings` fits them to bearings
+    alone."""
     locator: Annotated[FilePath, AfterValidator(resolve_user_code)] | None = None
     """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""
@@ -88,7 +90,7 @@ class LocatingConfig(OptionalRules, frozen=True):
         BeforeValidator(_read_calibration),
         WithJsonSchema({"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN}),
     ] = None
-    """Path of a calibration that an earlier mission with this array has written."""
+    """Path of a calibration file that an earlier mission with this array wrote."""
 
     @model_validator(mode="after")
     def _check_use_of_calibration(self) -> Self:
@@ -100,7 +102,7 @@ class LocatingConfig(OptionalRules, frozen=True):
         return self
 
     def rules(self) -> LocatingRules:
-        """Return the rules of the Locator, angles in radians; rules that are not set have their defaults."""
+        """Return the rules of the Locator, angles in radians, with defaults for rules that are not set."""
         given = {
             key.replace("_deg", "_rad"): radians(value) if key.endswith("_deg") else value
             for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items()

@@ -1,4 +1,4 @@
-"""Tables of the robot: its model, and its pose sensor, odometry, lidar and battery."""
+"""Scenario tables of the robot: its model, pose sensor, odometry, lidar and battery."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath, Share
 MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
 DegreeError = Annotated[float, Field(ge=0.0, le=180.0), PLAIN_ZERO]
 GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
-"""Degrees per minute, or per square root of a minute."""
+"""Degrees per minute for a bias; degrees per square root of a minute for an angle random walk."""
 
 
 def _resolve_model(model: str, info: ValidationInfo) -> str:
@@ -30,12 +30,12 @@ def _resolve_model(model: str, info: ValidationInfo) -> str:
 
 
 class RobotConfig(Config, frozen=True):
-    """Robot by the name of a shipped one or the path of an MJCF file."""
+    """Robot model and speed limit."""
 
     model: Annotated[FilePath, AfterValidator(_resolve_model)] = "inspector"
-    """Relative paths start at the scenario file."""
+    """Name of a shipped robot, or path of an MJCF file; a relative path starts at the folder of the scenario file."""
     max_speed_mps: Annotated[float, Field(ge=0.01, le=10.0)] | None = None
-    """Greatest commanded speed; by default the limit of the robot."""
+    """Maximum commanded speed; by default the limit of the robot model."""
 
     @model_validator(mode="after")
     def _check_speed(self) -> Self:
@@ -66,7 +66,7 @@ class PoseSensorConfig(Config, frozen=True):
         return np.array([self.position_std_m, self.position_std_m, radians(self.heading_std_deg)])
 
     def correlation(self, step_s: float) -> float:
-        """Return the correlation of two errors that are `step_s` apart."""
+        """Return the correlation of two errors that are `step_s` apart in time."""
         return exp(-step_s / self.correlation_s)
 
     @property
@@ -80,14 +80,14 @@ class PoseSensorConfig(Config, frozen=True):
 
 
 class OdometryConfig(Config, frozen=True):
-    """Standard deviations of the odometry errors. Assumed; typical of magnetic encoders and a MEMS gyro."""
+    """Standard deviations of the odometry errors. Assumed; typical of magnetic wheel encoders and a MEMS gyro."""
 
     wheel_radius_error: Share = 0.001
     """Relative error of the wheel radius, drawn once per mission."""
     gyro_bias_deg_per_min: GyroError = 0.05
-    """Bias after zeroing at the dock, drawn once per mission."""
+    """Gyro bias that remains after zeroing at the dock, drawn once per mission."""
     gyro_noise_deg_per_sqrt_min: GyroError = 0.1
-    """Angle random walk."""
+    """Angle random walk of the gyro."""
 
 
 class LidarConfig(Config, frozen=True):
@@ -97,7 +97,7 @@ class LidarConfig(Config, frozen=True):
 
 
 class BatteryConfig(Config, frozen=True):
-    """Capacity and constant load. Assumed; a 24 V, 20 Ah pack, and a fast digitiser with its computer."""
+    """Battery capacity and constant load. Assumed; a 24 V, 20 Ah pack that powers a fast digitiser and a computer."""
 
     capacity_wh: Annotated[float, Field(ge=0.01, le=1e6)] = 480.0
     idle_w: Annotated[float, Field(ge=0.001, le=1e6)] = 80.0

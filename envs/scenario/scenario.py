@@ -1,4 +1,4 @@
-"""The scenario: all settings of a mission, and checks that concern several tables."""
+"""The scenario: all settings of a mission, and checks across several tables."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 PLANNED = "planned"
-"""Value of `waypoints_m` with which a mission plans its own waypoints."""
+"""Value of `waypoints_m` that makes a mission plan its own waypoints."""
 
 Place = tuple[Coordinate, Coordinate]
 Waypoints = Annotated[
@@ -38,40 +38,40 @@ Reward = Annotated[float, Field(ge=-1e6, le=1e6), PLAIN_ZERO]
 
 
 MAX_PULSES = 5_000_000
-"""Pulses of a mission; a log keeps 300 bytes of each."""
+"""Maximum number of pulses in a mission; a log stores 300 bytes per pulse."""
 
 MAX_SAMPLES_PER_S = 3e8
-"""Samples computed per second of simulated time on one path of each pulse: some seconds of computing time, and 240 MB
-of waveforms per control step."""
+"""Maximum samples per second of simulated time, one path per pulse: several seconds of computing time, and 240 MB of
+waveforms per control step."""
 
 MAX_CHANGE_DB = 120.0
-"""Change of a source's level, by drift within a mission or by growth over a campaign."""
+"""Maximum change of a source's level, by drift within a mission or by growth over a campaign."""
 
 MAX_RATE_HZ = 1e4
-"""Pulse rate of a source after growth, the same as for a source in the file."""
+"""Maximum pulse rate of a source after growth, the same as for a source in the file."""
 
 MAX_PEAK_OVER_NOISE = 1e9
-"""Peak of a pulse 1 m away over the noise, 180 dB."""
+"""Maximum ratio of the peak of a pulse 1 m from its source to the noise, 180 dB."""
 
 MAX_CARRIERS_OVER_NOISE = 1e4
-"""Sum of all carriers over the noise behind the band-pass, 80 dB; nothing else is received above it."""
+"""Maximum ratio of the sum of all carriers to the noise after the band-pass, 80 dB; above it carriers mask all else."""
 
 
 class RouteConfig(Config, frozen=True):
-    """Dock and patrol route of the robot. Without waypoints it stands at its dock and listens."""
+    """Dock and patrol route of the robot. Without waypoints, the robot stays at its dock."""
 
     dock_m: Place
     dock_yaw_deg: Degree | None = None
-    """Heading at the start, counter-clockwise from x; by default drawn per mission."""
+    """Heading at the start, counter-clockwise from x; by default drawn for each mission."""
     waypoints_m: Waypoints = ()
-    """Waypoints in order, or `"planned"`: the mission plans them on the map when it starts, as `pdpatrol plan` does."""
+    """Waypoints in order, or `"planned"` to plan them on the map when the mission starts, as `pdpatrol plan` does."""
 
     @property
     def stops_m(self) -> tuple[tuple[float, float], ...]:
         """Waypoints in order.
 
         Raises:
-            ValueError: If they are still to be planned.
+            ValueError: If the waypoints have not been planned yet.
         """
         if self.waypoints_m == PLANNED:
             raise ValueError(
@@ -82,7 +82,7 @@ class RouteConfig(Config, frozen=True):
 
 
 class TaskConfig(Config, frozen=True):
-    """Conditions of success, time limit and reward; all defaults are assumed."""
+    """Success criteria, time limit and reward. All defaults are assumed."""
 
     time_limit_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 600.0
     standoff_m: Distance = 2.5
@@ -98,7 +98,7 @@ class TaskConfig(Config, frozen=True):
 
 
 class Scenario(Config, frozen=True):
-    """A yard, a route, the sources in it, and the properties of robot, array and receiver."""
+    """A yard, the sources in it, a patrol route, and the properties of robot, array and receiver."""
 
     name: MissionName
     yard: Yard
@@ -123,12 +123,12 @@ class Scenario(Config, frozen=True):
 
     @property
     def known_yard(self) -> Yard:
-        """Yard as the map shows it, which is what robot and operator know. It is made anew on each access."""
+        """Yard as the map shows it, which is what the robot and the operator know. It is rebuilt on each access."""
         return self.map.of(self.yard)
 
     @property
     def known_array(self) -> ArrayModel:
-        """Array as the robot knows it: its data sheet, or that with the errors of a calibration."""
+        """Array model that the robot uses: the data sheet, with the errors of a calibration if one is given."""
         array, calibration = data_sheet(self.array, self.receiver.band_edges_hz), self.locating.calibration
         return array if calibration is None else calibration.applied_to(array)
 
@@ -138,11 +138,11 @@ class Scenario(Config, frozen=True):
         return tuple(source.after(self.campaign.weeks) for source in self.sources)
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
-        """Return the sites, `equipment/site`, from which the place of a source is drawn; empty if it has a position."""
+        """Return the sites, `equipment/site`, among which that of a source is drawn; empty if it has a position."""
         return tuple(dict.fromkeys(site for entry in source.sites for site in self.expand_site(entry)))
 
     def expand_site(self, entry: str) -> list[str]:
-        """Return the sites that `equipment/*` stands for; any other entry stands for itself."""
+        """Expand `equipment/*` to all sites of that equipment; return any other entry unchanged, in a list."""
         if not entry.endswith("/*"):
             return [entry]
         return [site for site in self.yard.site_names() if site.partition("/")[0] == entry[:-2]]
@@ -168,13 +168,13 @@ def _errors_of(scenario: Scenario) -> list[str]:
 
 
 def _at_most(key: str, value: float, most: float, unit: str) -> Iterator[str]:
-    """Yield an error if a value or its negative is above a limit."""
+    """Yield an error if the magnitude of a value exceeds a limit."""
     if abs(value) > most:
         yield f"{key}: must be at most {most:.3g} {unit}, got {value:.3g}"
 
 
 def _table_errors(scenario: Scenario) -> Iterator[str]:
-    """Check kinds of equipment, faults of channels, estimator and calibration."""
+    """Check the kinds of equipment, the channel faults, the estimator and the calibration."""
     for key, pieces in (("yard.equipment", scenario.yard.equipment), ("map.extra", scenario.map.extra)):
         for i, item in enumerate(pieces):
             if item.kind not in KIND_MATERIALS:
@@ -199,7 +199,7 @@ def _table_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def position_error(yard: Yard, position_m: ArrayLike) -> str | None:
-    """Describe why a source cannot be at a position (x, y, z); None if it can."""
+    """Explain why a source cannot be at a position (x, y, z), or return None if it can."""
     place_m, enclosing = np.asarray(position_m, dtype=np.float64), yard.enclosing_equipment(position_m)
     if yard.contains(position_m) and 0.0 < place_m[2] <= MOST_YARD_M and enclosing is None:
         return None
@@ -208,7 +208,7 @@ def position_error(yard: Yard, position_m: ArrayLike) -> str | None:
 
 
 def _source_errors(scenario: Scenario) -> Iterator[str]:
-    """Check names and places of sources and interferers."""
+    """Check the names and positions of sources and interferers."""
     yard, known = scenario.yard, scenario.yard.site_names()
     names, earlier = set[str](), list[set[str]]()
     for key in ("sources", "interferers"):
@@ -238,7 +238,7 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _growth_errors(scenario: Scenario) -> Iterator[str]:
-    """Check how much sources have changed since the campaign began, and change within a mission."""
+    """Check how much sources change, both since the campaign began and within a mission."""
     weeks, when, minutes = scenario.campaign.weeks, f"on {scenario.campaign.day}", scenario.task.time_limit_s / 60.0
     for i, source in enumerate(scenario.sources):
         drift_db = source.drift_db_per_min * minutes
@@ -251,7 +251,7 @@ def _growth_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
-    """Check that the robot fits on dock and waypoints, in the yard and on the map, and where sources are drawn."""
+    """Check that the robot fits at dock and waypoints, in the yard and on the map, and where sources may be drawn."""
     stops, room_m = {"route.dock_m": scenario.route.dock_m}, scenario.robot.description.room_m
     if scenario.route.waypoints_m != PLANNED:
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(scenario.route.stops_m)}
@@ -273,7 +273,7 @@ def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
 
 
 def _rate_errors(scenario: Scenario) -> Iterator[str]:
-    """Check the number of pulses against memory and computing time."""
+    """Check that the number of pulses is within the limits of memory and computing time."""
     receiver, key = scenario.receiver, "sources, interferers, receiver.false_alarm_rate_hz"
     emitters = (*scenario.grown_sources, *scenario.interferers)
     pulses_hz = receiver.false_alarm_rate_hz + sum(item.pulse_rate_hz for item in emitters)
@@ -287,7 +287,7 @@ def _rate_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _level_errors(scenario: Scenario) -> Iterator[str]:
-    """Check levels over the noise, and the frequencies of carriers."""
+    """Check the levels relative to the noise, and the frequencies of carriers."""
     receiver, unit = scenario.receiver, f"V with its range, {MAX_PEAK_OVER_NOISE:g} times the noise"
     for key, emitters in (("interferers", scenario.interferers), ("sources", scenario.grown_sources)):
         for i, item in enumerate(emitters):
