@@ -54,19 +54,20 @@ def over_the_tank(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -
 
 
 def test_source_on_a_tank_is_confirmed_but_not_inside() -> None:
-    on_top = drive_round(np.array([10.0, 10.0, 3.8]), 1, over_the_tank).findings
-    assert [finding.state for finding in on_top] == ["confirmed"]
-    inside = drive_round(np.array([10.0, 10.0, 1.2]), 1, over_the_tank).findings
-    assert all(finding.state != "confirmed" for finding in inside)
+    on_top, inside = (
+        [finding.state for finding in drive_round(np.array([10.0, 10.0, height_m]), 1, over_the_tank).findings]
+        for height_m in (3.8, 1.2)
+    )
+    assert on_top == ["confirmed"]
+    assert "confirmed" not in inside
 
 
 def test_candidate_without_signal_nearby_is_a_ghost() -> None:
-    states = [listen_in_silence(np.array([distance_m, 0.0, 0.0])).findings[0].state for distance_m in (3.0, 15.0)]
-    assert states == ["ghost", "candidate"]
+    assert [listen_in_silence(distance_m).findings[0].state for distance_m in (3.0, 15.0)] == ["ghost", "candidate"]
 
 
 def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
-    locator, rng, pose = listen_in_silence(np.array([3.0, 0.0, 0.0])), np.random.default_rng(1), np.array([13.0, 10, 0])
+    locator, rng, pose = listen_in_silence(3.0), np.random.default_rng(1), np.array([13.0, 10.0, 0.0])
     (ghost,) = locator.findings
     for k in range(20):
         locator.update(30.0 + 0.1 * k, pose, pulses_of(pose, np.array([10.0, 10.0, 1.5]), np.ones(6), rng))
@@ -74,7 +75,7 @@ def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
     assert (ghost.state, finding.state, finding.id) == ("ghost", "confirmed", ghost.id)
 
 
-def listen_in_silence(from_m: np.ndarray) -> Locator:
+def listen_in_silence(distance_m: float) -> Locator:
     """Detect a candidate from one side for six seconds, and then detect nothing at an offset `from_m` from it."""
     rng, source_m = np.random.default_rng(0), np.array([10.0, 10.0, 1.5])
     locator = Locator(ARRAY, NO_POSE_ERROR, sight=uniform_sight(1.0))
@@ -83,5 +84,5 @@ def listen_in_silence(from_m: np.ndarray) -> Locator:
         locator.update(0.1 * k, pose, pulses_of(pose, source_m, np.ones(6), rng))
     assert locator.findings[0].state == "candidate"
     for k in range(60, 300):
-        locator.update(0.1 * k, np.array([10.0, 10.0, 0.0]) + from_m, PulseBatch.none(6))
+        locator.update(0.1 * k, np.array([10.0 + distance_m, 10.0, 0.0]), PulseBatch.none(6))
     return locator
