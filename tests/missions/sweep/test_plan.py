@@ -64,9 +64,7 @@ def test_errors_of_all_settings_are_one_line_each() -> None:
 
 
 def test_suite_yards_have_their_seeds_level_and_checksum() -> None:
-    plan = make_plan(["suite/weak", "suite/test/quiet", "one_source"], ["seek"], {})
+    suite, plan = load_suite(), make_plan(["suite/weak", "suite/test/quiet", "one_source"], ["seek"], {})
     by_level = Counter((job.level, job.suite) for job in plan.jobs)
-    suite = load_suite()
     assert by_level == {("weak", suite.label): 90, ("quiet", suite.label): 70, ("", ""): 20}
     assert {job.seed for job in plan.jobs if job.level == "quiet"} == set(suite.seeds["test"])
-    assert {job.seed for job in make_plan(["suite/weak"], ["seek"], {}, range(3)).jobs} == {0, 1, 2}

@@ -31,18 +31,16 @@ def rows(folder: Path) -> pa.Table:
 
 
 def test_rows_do_not_depend_on_workers_or_shards(folder: Path) -> None:
-    words = "--seeds", "0-2", "--policy", "seek", "patrol"
+    words = "--seeds", "0-1", "--policy", "seek", "patrol"
     done = sweep(folder, *words, "--out", "two", workers=2)
     assert done.returncode == 0, done.stderr
     for shard in ("2/2", "1/2"):
-        assert not Path(folder / "parts" / "rows.parquet").exists()
         assert sweep(folder, *words, "--out", "parts", "--shard", shard, workers=1).returncode == 0
-    assert rows(folder / "two").num_rows == 6
-    assert rows(folder / "two")["status"].to_pylist() == ["finished"] * 6
+    assert rows(folder / "two")["status"].to_pylist() == ["finished"] * 4
     assert rows(folder / "parts").equals(rows(folder / "two"))
     assert sorted(path.name for path in (folder / "parts").rglob("*.parquet")) == ["rows.parquet", "scenarios.parquet"]
     table = pdpatrol("results", "two", "--csv", cwd=folder)
-    assert table.stdout.splitlines()[1].startswith("short,seek,{},3,0,")
+    assert table.stdout.splitlines()[1].startswith("short,seek,{},2,0,")
 
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed")
