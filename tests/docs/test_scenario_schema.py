@@ -43,21 +43,13 @@ def test_schema_accepts_every_scenario_that_ships() -> None:
         pytest.param("[route]", "[receiver]\nnoise = 1e-3\n\n[route]", id="unknown key"),
         pytest.param("[route]", "[campaign]", id="no route"),
         pytest.param("size_m = [40.0, 30.0]", 'size_m = "large"', id="size in words"),
-        pytest.param("size_m = [40.0, 30.0]", "size_m = [40.0, 30.0, 5.0]", id="size of three numbers"),
         pytest.param("dock_m = [3.0, 3.0]", "dock_m = [3.0]", id="place of one number"),
         pytest.param('shape = "box"', 'shape = "sphere"', id="unknown shape"),
         pytest.param("height_m = 3.2", "height_m = -3.2", id="negative height"),
-        pytest.param('kind = "void"', 'kind = "thunder"', id="unknown kind of discharge"),
         pytest.param("gain_error = 0.05", "gain_error = 5.0", id="gain error out of bounds"),
-        pytest.param("gain_error = 0.05", "n_elements = 40", id="too many elements"),
         pytest.param("[route]", '[campaign]\nnumber = 1\nbegins = "in March"\n\n[route]', id="date in words"),
         pytest.param(
             "[route]", '[receiver]\nfaults = [{ channel = 1, kind = "tired" }]\n\n[route]', id="unknown channel fault"
-        ),
-        pytest.param(
-            "[route]",
-            "[georeference]\nlatitude_deg = 95.0\nlongitude_deg = 0.0\n\n[route]",
-            id="latitude out of bounds",
         ),
     ],
 )
@@ -68,9 +60,3 @@ def test_schema_and_loader_refuse_an_invalid_scenario(before: str, after: str, t
     assert not ACCEPTS.is_valid(in_json(file))
     with pytest.raises(ScenarioError):
         load_scenario(file)
-
-
-def test_line_for_editors_in_the_docs_names_the_schema() -> None:
-    page = (ROOT / "docs" / "schemas" / "scenario.md").read_text(encoding="utf-8")
-    (line,) = [line for line in page.splitlines() if line.startswith("#:schema ")]
-    assert (ROOT / line.removeprefix("#:schema ")) == PUBLISHED

@@ -25,15 +25,6 @@ def test_paths_keep_clear_of_equipment() -> None:
         assert MAP.yard.clearance(between).min() >= MAP.robot.footprint_radius_m + 0.5 * MARGIN_M
 
 
-def test_equipment_hides_places_behind_it() -> None:
-    tank = next(item for item in MAP.yard.equipment if item.name == "transformer_1")
-    south, north = np.array([[12.0, 13.0]]), np.array([[12.0, 21.0]])
-    assert not MAP.in_sight(north, np.array([12.0, 13.0, 0.9]), 0.0)[0]
-    surface = np.array([12.0, tank.position_m[1] - 1.4, 0.9])  # an estimate slightly inside the surface
-    assert MAP.in_sight(south, surface, 0.5)[0]
-    assert not MAP.in_sight(north, surface, 0.5)[0]
-
-
 def test_paths_avoid_obstacles_until_they_are_removed() -> None:
     start, goal = np.array([3.0, 3.0]), np.array([9.0, 3.0])
     wall_m = np.stack([np.full(30, 6.0), np.linspace(0.0, 5.0, 30)], axis=-1)

@@ -1,6 +1,5 @@
 """Locators from user code."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import Mission, run_mission
 
-PDPATROL = Path(sys.executable).parent / "pdpatrol"
 GOOD = """\
 import numpy as np
 from dirmusic import Finding

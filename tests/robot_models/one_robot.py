@@ -16,6 +16,7 @@ from pdpatrol.robot_models.yard.yard import Yard
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
 RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
+ONE_ELEMENT = AntennaElements(np.array([[0.0, 0.0, 0.6]]), np.zeros(1), np.zeros(1))
 TANK = BoxEquipment(
     name="tank", kind="power_transformer", position_m=(20.0, 10.0), footprint_m=(2.0, 4.0), height_m=3.0, shape="box"
 )

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_file import load_robot
-from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, KIND_COLOURS, colour_of
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, KIND_COLOURS
 from pdpatrol.robot_models.readings import LIDAR
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CatalogueEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
-
-ONE_ELEMENT = AntennaElements(np.array([[0.0, 0.0, 0.6]]), np.zeros(1), np.zeros(1))
+from tests.robot_models.one_robot import ONE_ELEMENT
 
 
 def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -> Yard:
@@ -26,11 +24,6 @@ def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -
 def test_kinds_are_those_of_the_radio_model() -> None:
     assert KIND_COLOURS.keys() == KIND_MATERIALS.keys() >= CATALOGUE.keys()
     assert all(0.0 <= share <= 1.0 for colour in KIND_COLOURS.values() for share in colour)
-
-
-def test_part_numbers_do_not_change_the_colour() -> None:
-    assert colour_of("busbar", "post_1_2") == colour_of("busbar", "post") != KIND_COLOURS["busbar"]
-    assert colour_of("busbar", "leg_1_right") == KIND_COLOURS["busbar"]
 
 
 @pytest.mark.parametrize("kind", CATALOGUE)

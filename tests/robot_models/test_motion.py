@@ -8,17 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import SHIPPED
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.yard import Yard
-from tests.robot_models.one_robot import OneRobot
+from tests.robot_models.one_robot import ONE_ELEMENT, OneRobot
 
 TRACKING = {"inspector": 0.01, "crawler": 0.03}
 """Tolerance of the speed reached, as a share of the command."""
-
-ONE_ELEMENT = AntennaElements(np.array([[0.0, 0.0, 0.6]]), np.zeros(1), np.zeros(1))
 
 
 def robots_of(model: str, n_robots: int = 1) -> Robots:

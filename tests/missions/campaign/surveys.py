@@ -9,8 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dirmusic import GainManifold
+from dirmusic.locating.association import Unassociated
+from dirmusic.pulses.phase_resolved import KindName
 from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.sensing import PulseTrain
 from tests.missions.steps import append_step
 
 HEIGHT_M = 0.6
@@ -28,12 +31,13 @@ PLACE = (10.0, 10.0, 1.6)
 
 
 class SurveyedSource(NamedTuple):
-    """Position, median level of the pulses, its spread, and rate of a discharge."""
+    """Position, median level of the pulses, its spread, rate and kind of a discharge; no kind is equal pulses."""
 
     position_m: tuple[float, float, float]
     level_db: float = 0.0
     spread_db: float = 0.0
     rate_hz: float = 20.0
+    kind: KindName | None = None
 
 
 def along(start_m: tuple[float, float], end_m: tuple[float, float], speed_mps: float = 0.5) -> np.ndarray:
@@ -54,8 +58,13 @@ def survey(
     day: str | None = DAYS[0],
     seed: int = 0,
     name: str = "survey",
+    mains_hz: float = 50.0,
+    echoes_every: int = 0,
 ) -> MissionLog:
-    """Return the log of a drive whose findings are the sources, with ids from 1 in their order."""
+    """Return the log of a drive whose findings are the sources, with ids from 1 in their order.
+
+    The phase of the mains is unknown if `mains_hz` is NaN. Every pulse of some number can be associated as an echo.
+    """
     meta = {
         "name": name,
         "seed": None,
@@ -70,6 +79,10 @@ def survey(
         "bounds_m": [[0.0, 0.0], [40.0, 30.0]],
     }
     log, rng = MissionLog(meta), np.random.default_rng(seed)
+    trains = [
+        (PulseTrain.of_kind(s.kind, 50.0, 0.0, rng) if s.kind else PulseTrain.at_any_phase()).times(s.rate_hz)
+        for s in sources
+    ]
     for k, pose in enumerate(poses):
         append_step(log, STEP_S * (k + 1), pose)
         for number, source in enumerate(sources, start=1):
@@ -77,20 +90,23 @@ def survey(
             azimuth = float(np.arctan2(path_m[1], path_m[0]) - pose[2])
             elevation = np.full(1, np.arctan2(path_m[2], np.hypot(path_m[0], path_m[1])))
             gain = MANIFOLD.response_in_space(azimuth - MANIFOLD.boresights_rad, elevation).gain
-            for _ in range(rng.poisson(source.rate_hz * STEP_S)):
+            _, times_s, amplitudes = trains[number - 1].draw(STEP_S * k, STEP_S, rng)
+            for time_s, amplitude in zip(times_s, np.abs(amplitudes), strict=True):
                 level_db = source.level_db + source.spread_db * rng.standard_normal()
-                strengths_v = 10 ** (level_db / 20) * gain / np.linalg.norm(path_m)
+                strengths_v = amplitude * 10 ** (level_db / 20) * gain / np.linalg.norm(path_m)
                 strength_v = float(np.linalg.norm(strengths_v))
                 if strength_v < 5.0 * NOISE_V:
                     continue
                 pulse = log.append(
-                    "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=0.0, is_clipped=False, is_credible=True
-                )
+                    "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=2 * np.pi * mains_hz * time_s,
+                    is_clipped=False, is_credible=True,
+                )  # fmt: skip
                 log.append(
                     "bearing", pulse=pulse, azimuth_rad=azimuth, bearing_rad=azimuth + pose[2],
                     std_rad=STD_RAD * NOISE_V / strength_v,
                 )  # fmt: skip
-                log.append("association", pulse=pulse, finding=number)
+                is_echo = echoes_every > 0 and pulse % echoes_every == 0
+                log.append("association", pulse=pulse, finding=Unassociated.ECHO if is_echo else number)
     for number, source in enumerate(sources, start=1):
         log.append(
             "finding", step=len(poses) - 1, id=number, position_m=np.array(source.position_m),

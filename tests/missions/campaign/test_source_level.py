@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdpatrol.missions.campaign.source_level import SourceLevel, product_limit, source_level
+from pdpatrol.missions.campaign.source_level import SourceLevel, source_level
 from tests.missions.campaign.surveys import PAST, PLACE, SurveyedSource, along, inspections, survey
 
 
@@ -60,13 +60,3 @@ def test_standard_deviation_covers_a_position_error() -> None:
 def test_too_few_pulses_give_no_level() -> None:
     (seen,) = inspections([survey(along((8.0, 7.0), (9.0, 7.0)), SurveyedSource(PLACE, rate_hz=2.0))])
     assert source_level(seen, seen.findings[0]) is None
-
-
-def test_product_limit_restores_truncated_levels() -> None:
-    rng = np.random.default_rng(2)
-    level_db, least_db = rng.normal(0.0, 5.0, 4000), rng.uniform(-20.0, 8.0, 4000)
-    seen = level_db >= least_db
-    levels, share = product_limit(level_db[seen], least_db[seen], np.ones(seen.sum()))
-    assert np.mean(level_db[seen]) > 1.0
-    assert share @ levels == pytest.approx(0.0, abs=0.4)
-    assert share[levels > 5.0].sum() == pytest.approx((level_db > 5.0).mean(), abs=0.03)

@@ -1,9 +1,6 @@
 """trend.html is self-contained, shows each discharge over its dates, and escapes names."""
 
-import numpy as np
-import pytest
-
-from pdpatrol.missions.campaign.page import draw_history, summary_row, trend_page
+from pdpatrol.missions.campaign.page import trend_page
 from pdpatrol.missions.campaign.trend import make_trend
 from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.campaign.surveys import DAYS, PAST, growing, inspections, survey
@@ -38,15 +35,3 @@ def test_page_shows_dates_sites_and_figures_loads_nothing_and_escapes_names() ->
 
 def test_page_without_discharges_says_so() -> None:
     assert "Discharges in 4 inspections: none found." in page_of([survey(PAST, day=day) for day in DAYS[:4]]).text
-
-
-def test_line_runs_through_values_and_rate_axis_starts_at_zero() -> None:
-    (discharge,) = make_trend(inspections(growing())).discharges
-    levels, rates = draw_history(discharge).axes
-    line = max(levels.lines, key=lambda each: each.get_alpha() or 0.0)
-    assert np.asarray(line.get_ydata())[[0, -1]] == pytest.approx([-20.0, -11.0], abs=1.0)
-    assert rates.get_ylim()[0] == 0.0
-    assert np.ptp(levels.get_ylim()) >= 10.0
-    number, site, change, level, slope, *_ = summary_row(discharge)
-    assert (number, site, change) == ("1", "10.0, 10.0, 1.6 m", "grown")
-    assert (float(level), float(slope.split()[0])) == pytest.approx((-11.0, 3.0), abs=1.0)

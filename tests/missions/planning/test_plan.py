@@ -17,7 +17,7 @@ from pdpatrol.missions.planning.output import as_json
 from pdpatrol.missions.planning.plan import Plan, make_plan
 from pdpatrol.missions.planning.tour import ShortestTours
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import HelicalArray
+from pdpatrol.sensing import HelicalArray, level_transform
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.missions.planning.one_plan import YARDS, FloatArray, plan_of, scenario_of, walled_in
 
@@ -87,12 +87,8 @@ def test_level_is_that_of_the_worst_heading() -> None:
         share = plan.site_map.sight(place_m[np.newaxis], target_m).item()
         peaks_v = []
         for yaw in np.radians(np.arange(0.0, 60.0, 0.5)):  # the ring repeats itself every 60 degrees
-            cos, sin = np.cos(yaw), np.sin(yaw)
-            elements_m = array.positions_m @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-            away_m = target_m - np.append(place_m[:2], 0.0) - elements_m
-            level_m = np.hypot(away_m[:, 0], away_m[:, 1])
-            gain = array.gain(np.arctan2(away_m[:, 1], away_m[:, 0]) - yaw, np.arctan2(away_m[:, 2], level_m))
-            peaks_v.append((plan.amplitude_v * share * gain / np.linalg.norm(away_m, axis=-1)).max())
+            at = level_transform(np.array([*place_m[:2], yaw]))
+            peaks_v.append(plan.amplitude_v * share * array.free_space_response(target_m, at)[0].max())
         over = min(peaks_v) * receiver.front_end.pulse_peak / receiver.threshold_v
         assert detectability.level_db[k, column] == pytest.approx(20 * np.log10(over), abs=0.4)
 

@@ -7,7 +7,7 @@ from dirmusic import Finding
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.seek import KNOWN_M, Active
-from pdpatrol.missions.policies.viewpoints import driving_time, expected_information, likely_place
+from pdpatrol.missions.policies.viewpoints import expected_information, likely_place
 from tests.missions.steps import candidate
 
 SITE_MAP = SiteMap(load_scenario("quiet_yard"))
@@ -72,23 +72,6 @@ def test_information_falls_with_uncertain_array_or_pose(worse: dict[str, float],
     known = expected_information(place_m, target_m, SITE_MAP)[0, 1, 1]
     less = expected_information(place_m, target_m, SiteMap(load_scenario("quiet_yard", worse)))[0, 1, 1]
     assert 0.0 < less < at_most * known
-
-
-def test_information_is_limited_for_exact_array_and_pose() -> None:
-    exact = {"array.gain_error": 0.0, "array.pointing_error_deg": 0.0, "pose_sensor.heading_std_deg": 0.0}
-    site_map = SiteMap(load_scenario("quiet_yard", {**exact, "pose_sensor.position_std_m": 0.0}))
-    across = expected_information(np.array([[12.0, 5.0]]), np.array([16.0, 5.0, 0.9]), site_map)[0, 1, 1]
-    assert across == pytest.approx((4.0 * np.radians(0.3)) ** -2)
-
-
-def test_driving_time_counts_turns_and_lengths() -> None:
-    paths = SITE_MAP.reach(POSE)
-    ahead, behind = SITE_MAP.cell((8.0, 5.0)), SITE_MAP.cell((1.0, 5.0))
-    time_s = driving_time(paths, POSE, SITE_MAP)
-    turned_s = driving_time(paths, POSE + np.array([0.0, 0.0, np.pi]), SITE_MAP)
-    assert time_s[ahead] < turned_s[ahead]
-    assert turned_s[behind] < time_s[behind]
-    assert time_s[SITE_MAP.cell((12.0, 5.0))] > time_s[ahead]
 
 
 def viewpoint(policy: Active, target: Finding, pose: np.ndarray) -> np.ndarray:
