@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+from tests.processes import PDPATROL
+
 pytestmark = pytest.mark.whole
 
 ROOT = Path(__file__).parents[1]
-PDPATROL = Path(sys.executable).parent / "pdpatrol"
 STEP = """
 import gymnasium, dirmusic, pdpatrol, pdpatrol.missions.runner
 env = gymnasium.make("pdpatrol:PDPatrol-v0")
@@ -88,18 +89,15 @@ def test_cli_works_with_pythonpath_dot(tmp_path: Path) -> None:
     assert "one_source" in run(PDPATROL, "scenarios", cwd=ROOT, pythonpath=".")
 
 
-def test_wheel_runs_a_mission_in_empty_folder(installed: Path, tmp_path: Path) -> None:
+def test_wheel_holds_two_packages_and_runs_a_mission(installed: Path, tmp_path: Path) -> None:
+    folders = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
+    assert folders - {"bin"} == {"dirmusic", "pdpatrol"}
     empty = tmp_path / "empty"
     empty.mkdir()
     assert str(installed) in run(sys.executable, "-c", STEP, cwd=empty, pythonpath=installed)
     command = "from pdpatrol.missions.cli import main; main()"
     run(sys.executable, "-c", command, "run", "bench", "--out", "mission", cwd=empty, pythonpath=installed)
     assert (empty / "mission" / "report.html").stat().st_size > 0
-
-
-def test_wheel_holds_two_packages_and_nothing_else(installed: Path) -> None:
-    folders = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
-    assert folders - {"bin"} == {"dirmusic", "pdpatrol"}
 
 
 def core_distributions() -> set[str]:

@@ -87,10 +87,15 @@ def served_on_loopback(words: list[str], folder: Path, environment: dict[str, st
     assert "http://127.0.0.1:" in line
 
 
+def run_snippet(snippet: str, folder: Path) -> None:
+    """Run Python code in a folder."""
+    done = subprocess.run([sys.executable, "-c", snippet], cwd=folder, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("snippet", blocks("python"))
 def test_readme_snippet_runs(snippet: str, tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-c", snippet], cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    run_snippet(snippet, tmp_path)
 
 
 def test_files_linked_from_readme_exist() -> None:

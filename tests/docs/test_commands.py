@@ -12,7 +12,7 @@ import pytest
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import Mission
 from tests.docs.site import ROOT
-from tests.test_readme import blocks, commands, served_on_loopback
+from tests.test_readme import blocks, commands, run_snippet, served_on_loopback
 
 pytestmark = pytest.mark.whole
 
@@ -89,11 +89,6 @@ def test_every_command_of_the_docs_is_run_by_a_test() -> None:
     others = {name: text for name, text in PAGES.items() if name not in ELSEWHERE}
     assert [(name, line) for name, text in others.items() for line in lines(text) if line not in known] == []
     assert [place for place in ELSEWHERE.values() if not (ROOT / place).exists()] == []
-
-
-def run_snippet(snippet: str, folder: Path) -> None:
-    done = subprocess.run([sys.executable, "-c", snippet], cwd=folder, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
 
 
 def test_snippets_of_the_yard_page_run(tmp_path: Path) -> None:

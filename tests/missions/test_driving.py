@@ -88,11 +88,6 @@ def test_free_distance_ends_at_walls() -> None:
     assert left_m < 0.4
 
 
-def test_safe_speed_allows_driving_away_from_contact() -> None:
-    assert safe_speed(wall_at(0.21), 0.8, 0.0, ROBOT) == 0.0
-    assert safe_speed(wall_at(0.21), -0.8, 0.0, ROBOT) == -0.8
-
-
 @pytest.mark.parametrize("x_m", [0.27, 0.3, 0.4, 0.5, 3.0])
 def test_safe_speed_allows_stopping_in_time(x_m: float) -> None:
     v = safe_speed(wall_at(x_m), ROBOT.max_speed_mps, 0.0, ROBOT)

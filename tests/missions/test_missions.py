@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.missions.policies.make_policy import BUILT_IN, make_policy
+from pdpatrol.missions.policies.make_policy import BUILT_IN
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
@@ -69,14 +69,9 @@ def test_missions_are_deterministic() -> None:
     scenario = limited("two_sources", 60.0)
     first, second = (run_mission(scenario, seed=5) for _ in range(2))
     assert first.n_rows("finding") > 0
+    assert "channel fault" not in first.column("event", "kind")
     assert_equal(first, second)
     assert make_report(first, 1.0) == make_report(second, 1.0)
-
-
-def test_seeds_give_different_missions() -> None:
-    scenario = limited("one_source", 5.0)
-    first, second = (run_mission(scenario, seed=seed).column("step", "true_pose") for seed in (0, 1))
-    assert not np.array_equal(first, second)
 
 
 def scenario_without_pulses(position_m: tuple[float, float, float]) -> Scenario:
@@ -94,7 +89,6 @@ def test_only_oracle_depends_on_the_truth(policy: str) -> None:
     ]
     same = paths[0].shape == paths[1].shape and np.array_equal(paths[0], paths[1])
     assert same is (policy != "oracle")
-    assert hasattr(make_policy(policy, np.random.default_rng(0)), "reveal") is (policy == "oracle")
 
 
 def test_unreachable_waypoint_is_skipped_and_reported() -> None:
@@ -206,7 +200,3 @@ def test_mission_survives_a_dead_channel() -> None:
     (fault,) = report.channel_faults
     assert "channel 2 is dead" in fault
     assert all(source.found for source in report.scores.sources)
-
-
-def test_healthy_mission_reports_no_channel_fault() -> None:
-    assert "channel fault" not in run_mission(limited("two_sources", 60.0), seed=11).column("event", "kind")

@@ -90,16 +90,13 @@ def test_calibration_of_another_array_is_refused(settings: dict[str, object], me
 
 
 def test_calibration_needs_a_serial_number(file: Path) -> None:
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(ScenarioError, match="array.serial_number: is required with a calibration"):
         load_scenario("one_source", {"locating.calibration": str(file)})
-    (line,) = caught.value.faults
-    assert "array.serial_number: is required with a calibration" in line
 
 
 DAMAGES = {
     "cut off": (lambda text: text[: len(text) // 2], "not valid TOML"),
     "another format": (lambda text: text.replace("calibration 2", "calibration 1"), "format: must be"),
-    "a key more": (lambda text: text.replace("n_missions", "colour = 1\nn_missions"), "colour: unknown key"),
     "a key less": (lambda text: text.replace("n_missions = 1\n", ""), "n_missions: is required"),
     "not a number": (
         lambda text: text.replace("\noffset = [0.0,", "\noffset = [nan,"),
@@ -110,7 +107,6 @@ DAMAGES = {
         "offset: must have 6 numbers each",
     ),
     "no covariance": (lambda text: text.replace("= [[", "= [[-"), "covariance: must be symmetric and positive"),
-    "no text": (lambda text: "\ufffe" + text, "not valid TOML"),
 }
 
 

@@ -79,18 +79,18 @@ def survey(
         "bounds_m": [[0.0, 0.0], [40.0, 30.0]],
     }
     log, rng = MissionLog(meta), np.random.default_rng(seed)
-    trains = [
-        (PulseTrain.of_kind(s.kind, 50.0, 0.0, rng) if s.kind else PulseTrain.at_any_phase()).times(s.rate_hz)
-        for s in sources
-    ]
+    trains = [s.kind and PulseTrain.of_kind(s.kind, 50.0, 0.0, rng).times(s.rate_hz) for s in sources]
     for k, pose in enumerate(poses):
         append_step(log, STEP_S * (k + 1), pose)
-        for number, source in enumerate(sources, start=1):
+        for number, (source, train) in enumerate(zip(sources, trains, strict=True), start=1):
             path_m = np.array(source.position_m) - [pose[0], pose[1], HEIGHT_M]
             azimuth = float(np.arctan2(path_m[1], path_m[0]) - pose[2])
             elevation = np.full(1, np.arctan2(path_m[2], np.hypot(path_m[0], path_m[1])))
             gain = MANIFOLD.response_in_space(azimuth - MANIFOLD.boresights_rad, elevation).gain
-            _, times_s, amplitudes = trains[number - 1].draw(STEP_S * k, STEP_S, rng)
+            if train is None:
+                times_s = amplitudes = np.ones(rng.poisson(source.rate_hz * STEP_S))
+            else:
+                _, times_s, amplitudes = train.draw(STEP_S * k, STEP_S, rng)
             for time_s, amplitude in zip(times_s, np.abs(amplitudes), strict=True):
                 level_db = source.level_db + source.spread_db * rng.standard_normal()
                 strengths_v = amplitude * 10 ** (level_db / 20) * gain / np.linalg.norm(path_m)

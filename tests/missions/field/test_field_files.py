@@ -70,7 +70,6 @@ def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
     ("data", "message"),
     [
         (None, "cannot be read: No such file"),
-        (hostile.bomb(), "must be an .npz archive"),
         (hostile.packed({"x": np.ones(3)}), "must be an .npz archive .*'waveforms is not a file"),
         (hostile.packed({"waveforms": np.zeros(80_000_000)}), "must have at most 512 MB"),
         (npz(waveforms=np.ones(5)), r"waveforms must be numbers .* got float64 of shape \(5,\)"),
@@ -80,7 +79,7 @@ def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
         (npz(waveforms=np.ones((2, 400))), "must have 3 to 32 channels .* got 2 channels"),
         (npz(waveforms=np.ones((6, 50))), "the gate must have 4 to 50 samples; --gate-ns 4.5 is 90"),
     ],
-    ids=range(10),
+    ids=range(9),
 )
 def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, message: str) -> None:
     if data is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import zipfile
 from collections.abc import Callable
 
 import numpy as np
@@ -47,18 +46,6 @@ def packed(arrays: dict[str, np.ndarray]) -> bytes:
     """Return an archive as NumPy writes it."""
     file = io.BytesIO()
     np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]
-    return file.getvalue()
-
-
-def bomb() -> bytes:
-    """Return an archive of a few hundred bytes whose header claims 8 TB of samples."""
-    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }".ljust(117) + "\n"
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
-        target.writestr("waveforms.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
-        member = io.BytesIO()
-        np.save(member, np.array(20e9))
-        target.writestr("sample_rate_hz.npy", member.getvalue())
     return file.getvalue()
 
 

@@ -26,6 +26,12 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def arrays_of(folder: Path) -> dict[str, np.ndarray]:
+    """Read all columns and the metadata of a log."""
+    with np.load(folder / "log.npz") as archive:
+        return dict(archive)
+
+
 def is_refused(folder: Path, data: bytes) -> bool:
     """Return True if a log is refused in one line that names it, False if it can be read."""
     (folder / "log.npz").write_bytes(data)
@@ -77,8 +83,7 @@ def test_archive_that_is_not_a_log_is_refused(tmp_path: Path, arrays: dict[str, 
 def test_log_with_inconsistent_tables_is_refused(
     mission: Path, tmp_path: Path, name: str, change: Callable[[np.ndarray], np.ndarray], message: str
 ) -> None:
-    with np.load(mission / "log.npz") as archive:
-        arrays = {key: archive[key] for key in archive.files}
+    arrays = arrays_of(mission)
     (tmp_path / "log.npz").write_bytes(hostile.packed({**arrays, name: change(arrays[name])}))
     with pytest.raises(ValueError, match=message):
         MissionLog.load(tmp_path)
@@ -86,10 +91,8 @@ def test_log_with_inconsistent_tables_is_refused(
 
 @pytest.mark.whole
 def test_replay_refuses_a_log_with_damaged_metadata(mission: Path, tmp_path: Path) -> None:
-    with np.load(mission / "log.npz") as archive:
-        arrays = {key: archive[key] for key in archive.files}
-    arrays["meta"] = np.array(json.dumps({"schema": 5, "array": 7}))
-    (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
+    damaged = np.array(json.dumps({"schema": 5, "array": 7}))
+    (tmp_path / "log.npz").write_bytes(hostile.packed({**arrays_of(mission), "meta": damaged}))
     (line,) = refusal(pdpatrol("replay", ".", cwd=tmp_path))
     assert "the metadata in its log are damaged" in line
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]

@@ -39,18 +39,11 @@ def test_planned_route_needs_a_detectable_site() -> None:
         Mission(noisy, "patrol", 0)
 
 
-@pytest.mark.parametrize(
-    ("waypoints", "fault"),
-    [
-        ("by luck", "route.waypoints_m: must be 'planned', got 'by luck'"),
-        ([[1.0]], "route.waypoints_m.0.1"),
-    ],
-)
-def test_invalid_waypoints_are_refused(waypoints: object, fault: str) -> None:
+def test_invalid_waypoints_are_refused() -> None:
     with pytest.raises(ScenarioError) as raised:
-        load_scenario("one_source", {"route.waypoints_m": waypoints})
+        load_scenario("one_source", {"route.waypoints_m": "by luck"})
     (line,) = raised.value.faults
-    assert fault in line
+    assert "route.waypoints_m: must be 'planned', got 'by luck'" in line
 
 
 @pytest.mark.slow

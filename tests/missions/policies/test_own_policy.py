@@ -61,10 +61,6 @@ class TooFast(Still):  # at TooFast
     def answer(self):
         return 1.5, 0.0
 
-class Ragged(Still):  # at Ragged
-    def answer(self):
-        return [[1.0], 2.0]
-
 class NoPhase(Still):  # at NoPhase
     phase = 3
 
@@ -74,10 +70,6 @@ class NoNumbers(Still):  # at NoNumbers
 class Silent:  # at Silent
     def __init__(self, rng):
         pass
-
-class TakesNothing:  # at TakesNothing
-    def __call__(self, observation, findings, site_map):
-        return None
 
 def guarded(rng):
     return CollisionGuard(Patrol())
@@ -131,7 +123,6 @@ ACTION = "expected an action of 2 finite numbers in [-1, 1], or None to end the 
         ("Leaves", f"my.py:LINE: SystemExit; {ACTION}", 0),
         ("NotANumber", f"my.py:LINE: returned array([0.1, nan]); {ACTION}", 0),
         ("TooFast", f"my.py:LINE: returned (1.5, 0.0); {ACTION}", 0),
-        ("Ragged", "my.py:LINE: ValueError: setting an array element with a sequence", 0),
         ("guarded_three", f"my.py:LINE: returned [0.1, 0.2, 0.3]; {ACTION}", 0),
     ],
 )  # fmt: skip
@@ -150,7 +141,6 @@ def test_failing_policy_ends_mission_with_complete_log(name: str, message: str, 
     [
         ("FailsAtOnce", "my.py:LINE: KeyError: 'weights'; expected seek, active"),
         ("Silent", "my.py:LINE: TypeError: makes a Silent, which cannot be called; expected"),
-        ("TakesNothing", "my.py:LINE: TypeError: TakesNothing() takes no arguments"),
         ("NoPhase", "my.py:LINE: TypeError: its `phase` is 3; expected a `phase` of a word or two"),
         ("NoNumbers", "my.py:LINE: TypeError: 'str' object cannot be interpreted as an integer; expected a `phase`"),
         ("number", "int: TypeError: 'int' object is not callable; expected"),
@@ -162,14 +152,6 @@ def test_invalid_policy_is_refused_before_the_start(name: str, message: str, fil
     with pytest.raises(UserCodeError) as refused:
         Mission(short(), f"{file}:{name}", 0)
     assert says(refused.value, message, name, file), refused.value
-
-
-def test_motionless_policy_runs_to_the_time_limit(file: Path) -> None:
-    log = run_mission(short(), f"{file}:Still")
-    assert log.column("event", "subject")[-1] == "time limit"
-    assert log.n_rows("step") == 30
-    assert set(log.column("step", "phase")) == {"Still"}
-    assert np.ptp(log.column("step", "true_pose")[:, :2], axis=0).max() < 0.01
 
 
 def test_policy_generator_depends_on_the_seed(file: Path) -> None:

@@ -2,17 +2,14 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from pdpatrol.missions.record.mission_log import MissionLog
+from tests.processes import pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
-
-PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 POLICIES = """\
 class Fails:
@@ -31,21 +28,22 @@ class FailsAtOnce:
 """
 
 
-def pdpatrol(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    (folder / "my.py").write_text(POLICIES, encoding="utf-8")
-    return subprocess.run([PDPATROL, "run", *arguments], cwd=folder, capture_output=True, text=True, timeout=120)
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "my.py").write_text(POLICIES, encoding="utf-8")
+    return tmp_path
 
 
-def test_run_with_failing_policy_writes_all_files(tmp_path: Path) -> None:
-    done = pdpatrol(tmp_path, "--policy", "my.py:Fails", "--out", "here", "--json")
+def test_run_with_failing_policy_writes_all_files(folder: Path) -> None:
+    done = pdpatrol("run", "--policy", "my.py:Fails", "--out", "here", "--json", cwd=folder)
     assert done.returncode == 1
     lines = [line for line in done.stderr.splitlines() if not re.match(r" *\d+\.\d s  |$", line)]
     action = "an action of 2 finite numbers in [-1, 1], or None to end the mission"
     assert lines == [f"my.py:8: ValueError: out of ideas; expected {action}"]
-    folder = tmp_path / "here"
-    assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "report.html", "mission.rrd"}
-    assert MissionLog.load(folder).n_rows("step") == 19
-    assert json.loads((folder / "report.json").read_text(encoding="utf-8")) == json.loads(done.stdout)
+    here = folder / "here"
+    assert {path.name for path in here.iterdir()} == {"log.npz", "report.json", "report.html", "mission.rrd"}
+    assert MissionLog.load(here).n_rows("step") == 19
+    assert json.loads((here / "report.json").read_text(encoding="utf-8")) == json.loads(done.stdout)
 
 
 @pytest.mark.parametrize(
@@ -60,10 +58,8 @@ def test_run_with_failing_policy_writes_all_files(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_run_with_invalid_policy_writes_nothing(policy: str, message: str, tmp_path: Path) -> None:
-    (tmp_path / "broken.py").write_text("x = 1\ny = (\n", encoding="utf-8")
-    done = pdpatrol(tmp_path, "--policy", policy)
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
+def test_run_with_invalid_policy_writes_nothing(policy: str, message: str, folder: Path) -> None:
+    (folder / "broken.py").write_text("x = 1\ny = (\n", encoding="utf-8")
+    (line,) = refusal(pdpatrol("run", "--policy", policy, cwd=folder))
     assert line.startswith(message)
-    assert {path.name for path in tmp_path.iterdir()} == {"my.py", "broken.py"}
+    assert {path.name for path in folder.iterdir()} == {"my.py", "broken.py"}

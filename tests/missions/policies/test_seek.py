@@ -1,6 +1,7 @@
 """How long a candidate is pursued, and from how near it is viewed."""
 
 import numpy as np
+import pytest
 
 from dirmusic.locating.finding import State
 from pdpatrol.envs import load_scenario
@@ -30,23 +31,17 @@ def test_candidate_that_is_outside_at_times_is_pursued() -> None:
         assert phase_at(seek, 0.2 * k + 0.1, "candidate") == "seek 1"
 
 
-def test_candidate_without_improvement_is_set_aside() -> None:
-    seek = Seek()
-    n_steps = round(PATIENCE_S / 0.1)
-    phases = [phase_at(seek, 0.1 * k, "candidate") for k in range(n_steps + 5)]
-    assert set(phases[:n_steps]) == {"seek 1"}
-    assert phases[-1].startswith("patrol")
-
-
-def test_undetected_candidate_is_left_until_detected_again() -> None:
-    seek = Seek()
-    n_steps = round(UNDETECTED_S / 0.1)
-    phases = [phase_at(seek, 0.1 * k, "candidate", detected_s=0.0) for k in range(n_steps + 5)]
+@pytest.mark.parametrize(("longest_s", "detected_s"), [(PATIENCE_S, None), (UNDETECTED_S, 0.0)])
+def test_candidate_is_left_without_improvement_or_detection(longest_s: float, detected_s: float | None) -> None:
+    """A candidate that was not detected is pursued again once it is detected."""
+    seek, n_steps = Seek(), round(longest_s / 0.1)
+    phases = [phase_at(seek, 0.1 * k, "candidate", detected_s) for k in range(n_steps + 5)]
     assert set(phases[:n_steps]) == {"seek 1"}
     assert phases[-1].startswith("patrol")
     later_s = 0.1 * len(phases)
-    assert phase_at(seek, later_s, "candidate", detected_s=0.0).startswith("patrol")
-    assert phase_at(seek, later_s + 0.1, "candidate", detected_s=later_s) == "seek 1"
+    assert phase_at(seek, later_s, "candidate", detected_s).startswith("patrol")
+    if detected_s is not None:
+        assert phase_at(seek, later_s + 0.1, "candidate", detected_s=later_s) == "seek 1"
 
 
 def test_high_candidate_is_viewed_from_afar_with_planar_pattern() -> None:

@@ -49,12 +49,6 @@ def test_covariances_have_the_law_of_whole_records() -> None:
     np.testing.assert_allclose(exact.std(axis=0), records.std(axis=0), rtol=0.15)
 
 
-def test_snr_of_the_paper_is_one_rho_in_all_directions() -> None:
-    # facts.md: rho = 28 070 x 10^(SNR/10); the norm of the gain is flat to 0.03 dB
-    gain = GainManifold.ring(6).gain(np.radians(np.arange(360))).T
-    np.testing.assert_allclose(simulation.energy_to_noise(gain, -5.0), 28_070 * 10**-0.5, rtol=0.005)
-
-
 @pytest.mark.parametrize("n_elements", [2, 4, 6, 10])
 def test_fast_form_of_eq_15_equals_the_printed_one(n_elements: int) -> None:
     rng = np.random.default_rng(2)
