@@ -90,7 +90,7 @@ def test_calibration_of_another_array_is_refused(settings: dict[str, object], me
 
 
 def test_calibration_needs_a_serial_number(file: Path) -> None:
-    with pytest.raises(ScenarioError, match="array.serial_number: is required with a calibration"):
+    with pytest.raises(ScenarioError, match="serial_number: is required with a calibration"):
         load_scenario("one_source", {"locating.calibration": str(file)})
 
 
