@@ -222,16 +222,16 @@ def _truth(
     array: HelicalArray,
 ) -> dict[str, Any]:
     def describe(source: DischargeSource) -> dict[str, Any]:
-        to_m = source.moves_to_m
-        motion = {} if to_m is None else {"moves_to_m": to_m.tolist(), "speed_mps": source.speed_mps}
-        return {
+        truth = {
             "name": source.name,
             "position_m": source.position_m.tolist(),
             "amplitude_v": source.amplitude_v,
             "polarisation": source.axis.tolist(),
             "pulse_rate_hz": source.pulse_rate_hz,
-            **motion,
         }
+        if source.moves_to_m is not None:
+            truth |= {"moves_to_m": source.moves_to_m.tolist(), "speed_mps": source.speed_mps}
+        return truth
 
     kinds = [source.kind for source in scenario.sources]
     drawn = ("boresights_rad", "boresight_elevations_rad", "gain_factors", "gain_offsets", "positions_m")

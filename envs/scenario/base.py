@@ -126,7 +126,7 @@ def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
         error: Errors that pydantic found.
         model: Model that was validated; the closest of its keys is suggested for an unknown key.
     """
-    lines = [line for item in error.errors(include_url=False) for line in _lines_of(item, model)]
+    lines = [on_one_line(line) for item in error.errors(include_url=False) for line in _lines_of(item, model)]
     n_more = len(lines) - MAX_ERRORS_SHOWN
     return [*lines[:MAX_ERRORS_SHOWN], f"{n_more} more errors"] if n_more > 0 else lines
 
@@ -137,7 +137,7 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
     if item["type"] == "value_error":
         is_table = isinstance(item["input"], Mapping)  # such messages begin with a key of the table
         for line in str(item["ctx"]["error"]).splitlines():
-            yield on_one_line(f"{key}{'.' if is_table else ': '}{line}" if key else line)
+            yield f"{key}{'.' if is_table else ': '}{line}" if key else line
     elif item["type"] == "missing":
         yield f"{key}: is required"
     elif item["type"] == "extra_forbidden":
@@ -173,7 +173,6 @@ def shown(value: object) -> str:
 
 
 def _short(text: str) -> str:
-    text = on_one_line(text)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -8,6 +8,11 @@ STAND = np.zeros(2, dtype=np.float32)
 """Action of a robot that stands still."""
 
 
+def drive(speed: float, turn: float) -> np.ndarray:
+    """Return the action with these shares of the robot's greatest speed and yaw rate."""
+    return np.array([speed, turn], dtype=np.float32)
+
+
 def listed(result: Any) -> Any:  # noqa: ANN401 - any result of an environment
     """Convert tuples and object arrays in a result to lists, so that results can be compared."""
     if isinstance(result, dict):

@@ -9,9 +9,9 @@ import pytest
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.vector_env import PatrolVectorEnv
-from tests.envs.helpers import STAND
+from tests.envs.helpers import STAND, drive
 
-AHEAD = np.array([1.0, 0.2], dtype=np.float32)
+AHEAD = drive(1.0, 0.2)
 
 
 def near(name: str, standoff_m: float, time_limit_s: float = 60.0) -> Scenario:
@@ -46,7 +46,7 @@ def test_success_is_to_have_approached_every_source() -> None:
     _, info = env.reset(seed=0, options={"start_pose": (x, y, 0.0), "sources": places})
     seen = [tuple(info["approached"].tolist())]
     for _ in range(120):
-        *_, terminated, _, info = env.step(np.array([0.6, 0.0], dtype=np.float32))
+        *_, terminated, _, info = env.step(drive(0.6, 0.0))
         assert info["success"] == info["approached"].all()
         assert not terminated
         if seen[-1] != tuple(info["approached"].tolist()):

@@ -13,6 +13,7 @@ from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
 from pdpatrol.envs.scenario.base import Config
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, POSE, WHEEL_ANGLES
+from tests.envs.helpers import drive
 
 PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro_noise_deg_per_sqrt_min=0.0)
 
@@ -105,7 +106,7 @@ def test_odometry_drifts_by_less_than_half_a_percent() -> None:
         infos = [env.reset(seed=seed)[1]]
         for speed, turn in np.repeat(wish, 20, axis=0):
             is_near = env.simulation.robots.readings.values[0, LIDAR][[0, 1, 2, 3, -1, -2, -3]].min() < 1.5
-            infos.append(env.step(np.array([speed, 0.9 if is_near else turn], dtype=np.float32))[-1])
+            infos.append(env.step(drive(speed, 0.9 if is_near else turn))[-1])
         true, odometry = (np.array([info[key] for info in infos]) for key in ("true_pose", "odometry"))
         driven_m = np.hypot(*np.diff(true[:, :2], axis=0).T).sum()
         assert driven_m > 30

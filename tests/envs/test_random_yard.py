@@ -20,6 +20,7 @@ from pdpatrol.envs.random_yard import (
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.transmission import Sight
+from tests.envs.helpers import drive
 
 
 def check(seed: int) -> None:
@@ -29,7 +30,7 @@ def check(seed: int) -> None:
     assert len(yard.equipment) <= n
     env = PatrolEnv(scenario, full_info=True)
     _, info = env.reset(seed=seed)
-    assert env.observation_space.contains(env.step(np.array([0.5, 0.1], dtype=np.float32))[0])
+    assert env.observation_space.contains(env.step(drive(0.5, 0.1))[0])
     assert len(scenario.route.waypoints_m) == N_WAYPOINTS
     for stop in (scenario.route.dock_m, *scenario.route.waypoints_m):
         assert yard.clearance(np.array(stop)) >= scenario.robot.description.room_m

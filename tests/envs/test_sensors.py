@@ -21,12 +21,3 @@ def test_lidar_measures_noisy_ranges_within_reach() -> None:
     assert len(errors) > 10
     assert np.abs(errors).max() < 0.1
     assert 0.005 < np.std(errors) < 0.04
-
-
-def test_battery_drains_faster_when_accelerating() -> None:
-    env = PatrolEnv("one_source")
-    env.reset(seed=0)
-    still = [env.step(np.zeros(2, dtype=np.float32))[-1]["battery"] for _ in range(10)]
-    hasty = [env.step(np.array([(-1) ** k, 0.0], dtype=np.float32))[-1]["battery"] for k in range(10)]
-    assert 1.0 > still[0] > still[-1] > hasty[0] > hasty[-1] > 0.99
-    assert still[-1] - hasty[-1] > 1.02 * (1.0 - still[-1])

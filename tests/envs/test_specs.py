@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,21 +14,21 @@ from pdpatrol.envs import ScenarioError, load_scenario, shipped_scenarios
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
-from tests.envs.helpers import STAND, listed
+from tests.envs.helpers import STAND, drive, listed
 
 ID = "pdpatrol:PDPatrol-v0"
 SHIPPED = Path(__file__).parents[2] / "envs" / "scenarios"
 
 
-@pytest.mark.parametrize(("time_limit_s", "n_steps"), [(1.0, 10), (0.96, 10), (0.04, 1)])
+def spec_of(env: Any) -> EnvSpec:  # noqa: ANN401 - single or vector
+    return env.spec
+
+
+@pytest.mark.parametrize(("time_limit_s", "n_steps"), [(1.0, 10), (0.96, 10), (0.1, 1)])
 def test_spec_states_the_steps_of_an_episode(time_limit_s: float, n_steps: int) -> None:
-    scenario = load_scenario("quiet_yard")
-    task = scenario.task.model_copy(update={"time_limit_s": time_limit_s})
-    short = scenario.model_copy(update={"task": task})
+    short = load_scenario("quiet_yard", {"task.time_limit_s": time_limit_s})
     env, many = gymnasium.make(ID, scenario=short), gymnasium.make_vec(ID, num_envs=2, scenario=short)
-    assert env.spec is not None
-    assert many.spec is not None
-    assert (env.spec.max_episode_steps, many.spec.max_episode_steps) == (n_steps, n_steps)
+    assert (spec_of(env).max_episode_steps, spec_of(many).max_episode_steps) == (n_steps, n_steps)
     _ = env.reset(seed=0), many.reset(seed=0)
     late = [env.step(STAND)[3] for _ in range(n_steps)]
     assert late == [False] * (n_steps - 1) + [True]
@@ -37,9 +38,7 @@ def test_spec_states_the_steps_of_an_episode(time_limit_s: float, n_steps: int) 
 
 def test_max_episode_steps_limits_single_and_vector() -> None:
     env, many = gymnasium.make(ID, max_episode_steps=7), gymnasium.make_vec(ID, num_envs=2, max_episode_steps=7)
-    assert env.spec is not None
-    assert many.spec is not None
-    assert (env.spec.max_episode_steps, many.spec.max_episode_steps) == (7, 7)
+    assert (spec_of(env).max_episode_steps, spec_of(many).max_episode_steps) == (7, 7)
     (one, _), (rows, _) = env.reset(seed=1), many.reset(seed=1)
     for step in range(1, 8):
         assert one["time"] == rows["time"][0] == np.float32(0.1 * (step - 1))  # the limit does not show
@@ -59,22 +58,19 @@ def test_spec_goes_through_json(name: str) -> None:
     drawn = random_yard(3) if name == "random" else load_scenario("bench" if name == "path" else name)
     scenario = SHIPPED / "bench.toml" if name == "path" else drawn
     env = gymnasium.make(ID, scenario=scenario, terminate_on_approach=False)
-    assert env.spec is not None
-    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    again = gymnasium.make(EnvSpec.from_json(spec_of(env).to_json()))
     assert isinstance(again.unwrapped, PatrolEnv)
     assert again.unwrapped.scenario == drawn
-    assert again.spec is not None
-    assert again.spec.max_episode_steps == env.spec.max_episode_steps
+    assert spec_of(again).max_episode_steps == spec_of(env).max_episode_steps
     np.testing.assert_equal(again.reset(seed=3), env.reset(seed=3))
-    action = np.array([0.6, -0.3], dtype=np.float32)
+    action = drive(0.6, -0.3)
     for _ in range(5):
         np.testing.assert_equal(again.step(action), env.step(action))
 
 
 def test_spec_of_drawn_scenarios_goes_through_json() -> None:
     env = gymnasium.make(ID, scenario=random_yard)
-    assert env.spec is not None
-    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    again = gymnasium.make(EnvSpec.from_json(spec_of(env).to_json()))
     np.testing.assert_equal(again.reset(seed=3), env.reset(seed=3))
     unnamed = gymnasium.make(ID, scenario=lambda rng: random_yard(rng)).spec
     assert unnamed is not None
@@ -92,11 +88,9 @@ def test_spec_of_vector_environment_goes_through_json() -> None:
         autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP,
         max_episode_steps=5,
     )
-    assert envs.spec is not None
-    again = gymnasium.make_vec(EnvSpec.from_json(envs.spec.to_json()))
+    again = gymnasium.make_vec(EnvSpec.from_json(spec_of(envs).to_json()))
     assert again.num_envs == 3
-    assert again.spec is not None
-    assert json.loads(again.spec.to_json()) == json.loads(envs.spec.to_json())
+    assert json.loads(spec_of(again).to_json()) == json.loads(spec_of(envs).to_json())
     np.testing.assert_equal(again.reset(seed=3), envs.reset(seed=3))
     for _ in range(6):
         result, expected = again.step(np.tile(STAND, (3, 1))), envs.step(np.tile(STAND, (3, 1)))

@@ -13,8 +13,9 @@ from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import open_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
 from pdpatrol.envs.wrappers import BearingsOnly, FlatObservation, Flattener, bearings_only, bearings_only_space
+from tests.envs.helpers import drive
 
-ACTION = np.array([0.8, 0.4], dtype=np.float32)
+ACTION = drive(0.8, 0.4)
 
 
 def make() -> PatrolEnv:

@@ -15,16 +15,21 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.robot_models.description.robot_description import xml_path
 from pdpatrol.robot_models.description.robot_file import load_robot
+from tests.envs.helpers import drive
 
 ONE_SOURCE = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
 
 
-def with_robot(folder: Path, model: str, *changes: tuple[str, str]) -> Path:
-    """Write a scenario with a robot to a folder."""
-    text = ONE_SOURCE
+def replaced(text: str, changes: tuple[tuple[str, str], ...]) -> str:
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
+    return text
+
+
+def with_robot(folder: Path, model: str, *changes: tuple[str, str]) -> Path:
+    """Write a scenario with a robot to a folder."""
+    text = replaced(ONE_SOURCE, changes)
     path = folder / "yard.toml"
     path.write_text(f'{text}\n[robot]\nmodel = "{model}"\n', encoding="utf-8")
     return path
@@ -32,10 +37,7 @@ def with_robot(folder: Path, model: str, *changes: tuple[str, str]) -> Path:
 
 def own_robot(folder: Path, *changes: tuple[str, str]) -> None:
     """Write a robot next to the scenario: the crawler with some text replaced."""
-    text = xml_path("crawler").read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
+    text = replaced(xml_path("crawler").read_text(encoding="utf-8"), changes)
     (folder / "robots").mkdir()
     (folder / "robots" / "own.xml").write_text(text, encoding="utf-8")
 
@@ -111,7 +113,7 @@ def test_actions_and_bounds_follow_the_limits_of_the_robot(tmp_path: Path) -> No
     np.testing.assert_allclose(velocity.high, [2 * speed_mps, 2 * yaw_rate_radps])
     (observation, _), (rows, _) = env.reset(seed=1), many.reset(seed=1)
     for _ in range(25):
-        observation, *_ = env.step(np.array([-0.5, 1.0], dtype=np.float32))
+        observation, *_ = env.step(drive(-0.5, 1.0))
         rows, *_ = many.step(np.array([[-0.5, 1.0], [0.5, 0.0]], dtype=np.float32))
     np.testing.assert_allclose(observation["velocity"], [-0.5 * speed_mps, yaw_rate_radps], rtol=0.03)
     np.testing.assert_array_equal(rows["velocity"][0], observation["velocity"])
@@ -126,7 +128,7 @@ def test_fallen_robot_ends_its_own_episode(tmp_path: Path) -> None:
     terminated, truncated, step = False, False, 0
     for step in range(40):
         full = 1.0 if step < 20 else -1.0
-        *_, terminated, truncated, info = env.step(np.array([full, 0.0], dtype=np.float32))
+        *_, terminated, truncated, info = env.step(drive(full, 0.0))
         *_, over, _, rows = many.step(np.array([[full, 0.0], [0.0, 0.0]], dtype=np.float32))
         assert terminated == info["fell_over"]
         assert over.tolist() == rows["fell_over"].tolist() == [terminated, False]
@@ -150,7 +152,7 @@ def test_robot_keeps_the_speed_limit_of_the_scenario() -> None:
     scenario = load_scenario("one_source", {"robot.max_speed_mps": 0.3, "route.dock_yaw_deg": 45.0})
     env = PatrolEnv(scenario)
     env.reset(seed=0)
-    poses = [env.step(np.array([1.0, 0.0], dtype=np.float32))[-1]["true_pose"] for _ in range(30)]
+    poses = [env.step(drive(1.0, 0.0))[-1]["true_pose"] for _ in range(30)]
     speed_mps = np.hypot(*(poses[-1] - poses[-2])[:2]) / 0.1
     assert speed_mps == pytest.approx(0.3, rel=0.05)
     assert SiteMap(scenario).robot.max_speed_mps == 0.3

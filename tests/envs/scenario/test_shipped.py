@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from pdpatrol.envs import load_scenario, shipped_scenarios
+from pdpatrol.envs import Scenario, load_scenario, shipped_scenarios
 from pdpatrol.missions.driving.site_map import CELL_M, SiteMap
 from tests.sensing.radio.crossing import cross, solids_of
+
+
+def map_and_paths(scenario: Scenario) -> tuple[SiteMap, np.ndarray]:
+    """Return the map, and the length of the path from the dock to each cell."""
+    site_map = SiteMap(scenario)
+    return site_map, site_map.reach(np.asarray(scenario.route.dock_m)).length_m
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())
@@ -13,12 +19,11 @@ def test_site_is_in_sight_over_sixty_degrees(name: str) -> None:
     """Seen from reachable ground less than 3.5 m away."""
     scenario = load_scenario(name)
     solids, n_pieces = solids_of(scenario.yard), len(scenario.yard.equipment)
-    site_map = SiteMap(scenario)
-    reach = site_map.reach(np.asarray(scenario.route.dock_m))
+    site_map, length_m = map_and_paths(scenario)
     for site in scenario.yard.site_names():
         source = scenario.yard.site_position(site)
         away = site_map.centres_m - source[:2]
-        near = np.isfinite(reach.length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
+        near = np.isfinite(length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
         antennas = np.column_stack([site_map.centres_m[near], np.full(near.sum(), 0.6)])
         seen = ~cross(np.tile(source, (len(antennas), 1)), antennas, solids, n_pieces).any(axis=-1)
         aspects = np.degrees(np.arctan2(away[near][seen][:, 1], away[near][seen][:, 0]))
@@ -28,11 +33,10 @@ def test_site_is_in_sight_over_sixty_degrees(name: str) -> None:
 @pytest.mark.parametrize("name", shipped_scenarios())
 def test_every_stop_can_be_reached(name: str) -> None:
     scenario = load_scenario(name)
-    site_map = SiteMap(scenario)
-    reach = site_map.reach(np.asarray(scenario.route.dock_m))
+    site_map, length_m = map_and_paths(scenario)
     stops = np.array([scenario.route.dock_m, *scenario.route.waypoints_m])
     cells = [site_map.cell(stop) for stop in stops]
-    assert np.isfinite(reach.length_m[cells]).all()
+    assert np.isfinite(length_m[cells]).all()
     assert (np.linalg.norm(site_map.centres_m[cells] - stops, axis=-1) < CELL_M).all()
 
 
