@@ -83,7 +83,9 @@ def test_rows_with_faulty_channels_equal_single_environments() -> None:
 
 
 def test_moving_interferer_is_where_each_row_has_it() -> None:
-    *_, n_detected = assert_rows_equal_singles(brisk(interferers=[TRAM | MOVING], **{"task.time_limit_s": 9.0}))
+    *_, n_detected = assert_rows_equal_singles(
+        brisk("one_source", **{"interferers": [TRAM | MOVING], "task.time_limit_s": 9.0})
+    )
     assert n_detected > 100
 
 

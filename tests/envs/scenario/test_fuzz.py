@@ -17,6 +17,12 @@ from tests.envs.scenario.drawn_scenarios import SHIPPED_TABLES, SMALL, as_toml, 
 
 HOSTILE_FILES = sorted((Path(__file__).parents[4] / "shared" / "findings" / "cases" / "hostile").glob("*.toml"))
 NAMES_OF_CODE = ("tuple[", "literal[", "_shape_of", "instance of", "constrained", "Equipment", "Traceback", "pydantic")
+CHECKS = [
+    HealthCheck.too_slow,
+    HealthCheck.data_too_large,
+    HealthCheck.function_scoped_fixture,
+    HealthCheck.large_base_example,
+]
 SCENARIOS = mutated(st.just(SMALL)) | mutated(st.sampled_from(SHIPPED_TABLES))
 
 
@@ -63,7 +69,7 @@ def refused_or_run(file: Path) -> None:
 
 @pytest.mark.parametrize("n", [150, pytest.param(5000, marks=pytest.mark.slow)])
 def test_scenario_is_refused_or_runs(n: int, tmp_path: Path) -> None:
-    @settings(max_examples=n, deadline=None, derandomize=n < 1000, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=n, deadline=None, derandomize=n < 1000, suppress_health_check=CHECKS)
     @given(table=SCENARIOS)
     def check(table: dict[str, Any]) -> None:
         file = tmp_path / "drawn.toml"
