@@ -54,7 +54,7 @@ def first() -> MissionLog:
 
 
 def test_estimated_array_errors_match_the_truth(first: MissionLog) -> None:
-    errors, truth = calibration_of(first).errors.estimated(), first.meta["truth"]["array"]
+    errors, truth = calibration_of(first).errors(), first.meta["truth"]["array"]
     pointing = np.array(truth["boresights_rad"]) - np.array(first.meta["array"]["boresights_rad"])
     miss = errors.state[:12] - np.concatenate([np.array(truth["gain_factors"]) - 1.0, pointing])
     assert miss @ np.linalg.solve(errors.covariance[:12, :12], miss) < 26.2  # 99 % of chi-squares of 12 degrees
