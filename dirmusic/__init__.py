@@ -1,4 +1,4 @@
-"""Direction finding on signal strength and locating, without access to the simulated truth."""
+"""Direction finding from signal strengths, and locating of discharges, without access to the simulated truth."""
 
 from dirmusic.array.bounds import bearing_bound, manifold_error_std
 from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets

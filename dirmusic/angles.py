@@ -1,4 +1,4 @@
-"""Angles on the circle; `wrapped` is `wrap` for compiled loops."""
+"""Arithmetic of angles on the circle. `wrapped` is the scalar version of `wrap`, for compiled loops."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ FloatArray = NDArray[np.float64]
 
 
 def wrap(angle_rad: ArrayLike) -> FloatArray:
-    """Bring angles of any shape into (-pi, pi]."""
+    """Wrap angles, of any shape, to (-pi, pi]."""
     return -np.mod(np.pi - np.asarray(angle_rad, dtype=np.float64), 2 * np.pi) + np.pi
 
 
 def difference(first_rad: ArrayLike, second_rad: ArrayLike) -> FloatArray:
-    """Compute the signed shortest turn from `second_rad` to `first_rad`, in (-pi, pi]; shapes broadcast."""
+    """Compute the signed difference from `second_rad` to `first_rad`, in (-pi, pi]; shapes broadcast."""
     return wrap(np.asarray(first_rad, dtype=np.float64) - np.asarray(second_rad, dtype=np.float64))
 
 
 def circular_mean(angle_rad: ArrayLike) -> FloatArray:
-    """Compute the direction of the resultant over the last axis, in (-pi, pi]; undefined where it vanishes."""
+    """Compute the circular mean over the last axis, in (-pi, pi]; undefined where the vector sum vanishes."""
     angle = np.asarray(angle_rad, dtype=np.float64)
     return np.arctan2(np.sin(angle).sum(axis=-1), np.cos(angle).sum(axis=-1))
 
 
 def aperture(angle_rad: ArrayLike) -> float:
-    """Compute the width of the narrowest arc that holds all angles (n,), in [0, 2 pi)."""
+    """Compute the width of the narrowest arc that contains all angles, shape (n,); the result is in [0, 2 pi)."""
     angle = np.sort(wrap(angle_rad))
     if angle.size < 2:
         return 0.0
@@ -37,5 +37,5 @@ def aperture(angle_rad: ArrayLike) -> float:
 
 @compiled
 def wrapped(angle_rad: float) -> float:
-    """Bring one angle into (-pi, pi]."""
+    """Wrap one angle to (-pi, pi]."""
     return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi

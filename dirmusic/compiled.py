@@ -1,7 +1,7 @@
-"""Compilation of inner loops with Numba, and the folder in which the machine code is kept.
+"""Compilation of inner loops with Numba, and the folder in which machine code is cached.
 
-Kernels loop over elements, paths and samples one by one and in one order, so that the result of a row does not depend,
-to the bit, on the number of rows.
+Compiled functions loop over elements, paths and samples one by one and in a fixed order, so that the result of a row is
+bit-identical for any number of rows.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 _Value = TypeVar("_Value")
 
 KERNEL_PACKAGES = ("dirmusic", "pdpatrol/sensing", "pdpatrol/envs", "pdpatrol/robot_models")
-"""Packages with compiled functions, relative to the folder that holds this one."""
+"""Packages with compiled functions, relative to the parent folder of this package."""
 
 KEPT_VERSIONS = 4
-"""Versions of the source whose machine code is kept, 20 MB each. Assumed; more only avoid compiling old ones again."""
+"""Number of source versions whose machine code is cached, 20 MB each. Assumed; a larger number only avoids recompiling
+old versions."""
 
 COMPLETE = "complete"
-"""Name of the file that marks a cache folder in which all functions of a mission are kept."""
+"""Name of the file that marks a cache folder as holding all functions that a mission needs."""
 
 
 def source_digest() -> str:
-    """Return 16 hexadecimal digits that change with any source file of the packages that have compiled functions.
+    """Hash all source files of the packages with compiled functions, as 16 hexadecimal digits.
 
-    Code with bounds checks (`NUMBA_BOUNDSCHECK=1`) has another digest.
+    With bounds checks (`NUMBA_BOUNDSCHECK=1`), the digest is different.
     """
     root = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{numba.config.BOUNDSCHECK}".encode())  # pyright: ignore
@@ -53,11 +54,12 @@ def source_digest() -> str:
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder for machine code, or None with a warning where none can be written.
+    """Return the folder for cached machine code, or warn and return None if no folder is writable.
 
-    If the user has set `NUMBA_CACHE_DIR`, that folder is used. Otherwise the folder lies in the user's cache directory,
-    or else in a private folder of the directory for temporary files, and is named by the digest of the source: Numba
-    notices a change in the file of a function, but not in the functions and constants of other files that it uses.
+    If the user has set `NUMBA_CACHE_DIR`, that folder is used. Otherwise the folder is in the user's cache directory
+    or, if that is not writable, in a private folder of the temporary directory. It is named after the digest of the
+    source, because Numba detects a change in the file of a function, but not in functions and constants that it uses
+    from other files.
     """
     if numba.config.CACHE_DIR:  # pyright: ignore
         return Path(numba.config.CACHE_DIR)  # pyright: ignore
@@ -66,7 +68,7 @@ def cache_folder() -> Path | None:
     for base in (usual, Path(tempfile.gettempdir()) / f"pdpatrol-{os.getuid()}"):
         with suppress(OSError):
             base.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if base.lstat().st_uid != os.getuid():  # in the directory for temporary files, anybody may have made it
+            if base.lstat().st_uid != os.getuid():  # in the temporary directory, any user may have created it
                 continue
             folder = base / digest
             folder.mkdir(exist_ok=True)
@@ -83,15 +85,15 @@ def cache_folder() -> Path | None:
 
 
 def _remove_old(base: Path) -> None:
-    """Remove the machine code of all but the most recently used versions of the source."""
-    with suppress(OSError):  # another process may remove the same
+    """Remove the machine code of all but the most recently used source versions."""
+    with suppress(OSError):  # another process may remove the same folder
         folders = sorted(base.iterdir(), key=lambda folder: folder.stat().st_mtime)
         for folder in folders[:-KEPT_VERSIONS]:
             shutil.rmtree(folder, ignore_errors=True)
 
 
 def is_cache_complete() -> bool:
-    """Return True if nothing remains to be compiled: after `mark_cache_complete`, or with `NUMBA_DISABLE_JIT=1`."""
+    """Return whether nothing remains to be compiled: after `mark_cache_complete`, or with `NUMBA_DISABLE_JIT=1`."""
     if numba.config.DISABLE_JIT:  # pyright: ignore
         return True
     folder = cache_folder()
@@ -99,14 +101,14 @@ def is_cache_complete() -> bool:
 
 
 def mark_cache_complete() -> None:
-    """Note in the cache folder that all functions of a mission have been compiled and kept."""
+    """Mark the cache folder as holding all functions that a mission needs."""
     if folder := cache_folder():
         (folder / COMPLETE).touch()
 
 
 @contextmanager
 def _own_cache() -> Generator[bool]:
-    """Let Numba use `cache_folder` for functions decorated in the block; other functions are not affected."""
+    """Make Numba use `cache_folder` for functions that are decorated within the `with` block, and for no others."""
     folder, before = cache_folder(), numba.config.CACHE_DIR  # pyright: ignore
     numba.config.CACHE_DIR = str(folder or "")  # pyright: ignore
     try:
@@ -116,19 +118,22 @@ def _own_cache() -> Generator[bool]:
 
 
 def compiled(function: _Function, **options: bool) -> _Function:
-    """Compile a function at its first call and keep the machine code on disk."""
+    """Compile a function at its first call and cache the machine code on disk."""
     with _own_cache() as keep:
         compile_it: Any = numba.njit(cache=keep, nogil=True, error_model="numpy", **options)  # pyright: ignore
         return cast("_Function", compile_it(function))
 
 
 def compiled_inner(function: _Function) -> _Function:
-    """Compile a function that only compiled functions call: without an entry from Python, in a sixth less time."""
+    """Compile a function that only compiled functions call.
+
+    Without a wrapper for calls from Python, compilation takes a sixth less time.
+    """
     return compiled(function, no_cpython_wrapper=True)
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
-    """Compile a function of numbers to a NumPy ufunc, which other compiled functions may call as well."""
+    """Compile a function of scalars to a NumPy ufunc, which other compiled functions can call too."""
     if numba.config.DISABLE_JIT:  # pyright: ignore
         return np.vectorize(function, otypes=[np.float64])
     with _own_cache() as keep:
@@ -140,24 +145,25 @@ class _HeldType(types.StructRef):
     """Numba type of `Held`."""
 
     def preprocess_fields(self, fields: Any) -> Any:  # noqa: ANN401
-        """Drop literal types, so that one specialisation serves all values."""
+        """Replace literal types by their general types, so that one specialisation serves all values."""
         return tuple((name, types.unliteral(of)) for name, of in fields)  # pyright: ignore
 
 
 class Held(structref.StructRefProxy, Generic[_Value]):
-    """A record that compiled functions take by reference.
+    """Wrapper that lets compiled functions take a record by reference.
 
-    Numba unpacks a plain named tuple at each call: 0.1 us for each array, 7 us for a random generator. Without this
-    class, an environment step of one robot in `one_source` takes 2.7 times as long (median of five runs in turns).
+    Numba unpacks a plain named tuple at each call, which takes 0.1 us per array and 7 us per random generator. Without
+    this class, an environment step of one robot in `one_source` takes 2.7 times as long (median of five alternating
+    runs).
 
     Attributes:
-        value: The named tuple or generator, in Python and in compiled functions.
+        value: The wrapped named tuple or generator, accessible in Python and in compiled functions.
     """
 
     value: _Value
 
     def __new__(cls, value: _Value) -> Self:
-        """Hold a value; without compilation in a plain object."""
+        """Wrap a value; if compilation is disabled, in a plain object."""
         held = object.__new__(cls) if numba.config.DISABLE_JIT else _hold(value)  # pyright: ignore
         held.value = value
         return held
@@ -172,5 +178,5 @@ structref.define_constructor(Held, _HeldType, ["value"])  # pyright: ignore[repo
 
 @compiled
 def _hold(value: Any) -> Any:  # noqa: ANN401
-    """Construct a `Held` value in compiled code, where the constructor is kept on disk."""
+    """Construct a `Held` in compiled code, so that its constructor is cached on disk."""
     return Held(value)

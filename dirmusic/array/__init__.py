@@ -1,1 +1,1 @@
-"""Antenna array: patterns, manifold, errors of the elements, calibration and bounds."""
+"""Antenna array: patterns, manifold, errors of the elements, and bounds of the bearing error."""

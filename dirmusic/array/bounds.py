@@ -1,4 +1,4 @@
-"""Bounds of the bearing error: Cramer-Rao bounds, and errors of the array, which averaging does not reduce."""
+"""Bounds on the bearing error: the Cramer-Rao bound for noise, and array errors, which averaging does not reduce."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 def perpendicular_slope(gain: FloatArray, slope: FloatArray) -> FloatArray:
-    r"""Compute the part of the slope that is orthogonal to the gain, elements on the first axis.
+    r"""Compute the component of the slope that is orthogonal to the gain, with the elements on the first axis.
 
     .. math:: g'_\perp = (I - g g^T / g^T g) g'
     """
@@ -22,31 +22,33 @@ def perpendicular_slope(gain: FloatArray, slope: FloatArray) -> FloatArray:
 
 
 def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_noise: ArrayLike) -> FloatArray:
-    r"""Compute the Cramer-Rao bound of the bearing of one pulse of unknown waveform in white noise.
+    r"""Compute the Cramer-Rao bound on the bearing of one pulse of unknown waveform in white noise.
 
     .. math:: \sigma_\theta \ge 1 / (\sqrt{\rho}\, \lVert g'_\perp(\theta) \rVert), \quad \rho = \sum_k s_k^2 / \sigma^2
 
     Args:
         manifold: Manifold of the array.
         azimuth_rad: Array-frame azimuth, any shape.
-        energy_to_noise: rho, energy of the pulse in a unit-gain channel over the variance of one noise sample, > 0;
-            broadcasts with `azimuth_rad`. The paper's SNR is rho = 28 070 x 10^(SNR/10) for six elements.
+        energy_to_noise: rho, the energy of the pulse in a unit-gain channel over the variance of one noise sample, > 0;
+            broadcasts with `azimuth_rad`. An SNR as defined in the paper corresponds to
+            rho = 28 070 x 10^(SNR/10) for six elements.
 
     Returns:
         Standard deviation in radians, of the broadcast shape.
 
     References:
-        Stoica and Nehorai, "MUSIC, maximum likelihood, and Cramer-Rao bound", 1989, for a real gain manifold.
+        Stoica and Nehorai, "MUSIC, maximum likelihood, and Cramer-Rao bound", 1989, specialised to a real gain
+        manifold.
     """
     slope = perpendicular_slope(*manifold.gain_and_slope(azimuth_rad))
     return 1.0 / np.sqrt(np.asarray(energy_to_noise) * np.square(slope).sum(axis=0))
 
 
 def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: ManifoldPrior) -> FloatArray:
-    """Compute the bearing error by errors of the array, which all pulses from one azimuth share.
+    """Compute the bearing error due to errors of the array, which all pulses from one azimuth share.
 
     Args:
-        manifold: The nominal array.
+        manifold: Nominal manifold.
         azimuth_rad: Array-frame azimuth, any shape.
         prior: Prior of the errors of the elements.
 
@@ -59,15 +61,15 @@ def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: Ma
 
 
 def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, spread: ElementSpread) -> FloatArray:
-    """Compute the covariance of the bearing errors by errors of the array at several azimuths.
+    """Compute the covariance, over several azimuths, of the bearing errors due to errors of the array.
 
     Args:
-        manifold: The nominal array.
+        manifold: Nominal manifold.
         azimuth_rad: Array-frame azimuths, shape (n,).
-        spread: Spread of the errors of the elements.
+        spread: Standard deviations of the errors of the elements.
 
     Returns:
-        Shape (n, n), rad^2, to first order; its diagonal is the square of `manifold_error_std`.
+        Covariance to first order, rad^2, shape (n, n). Its diagonal is the square of `manifold_error_std`.
     """
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     turn = _turn_by_gain(gain, slope)
@@ -78,7 +80,7 @@ def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, s
 
 
 def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:
-    """Compute the first-order bearing error by known errors of the elements, radians, shape of `azimuth_rad`."""
+    """Compute the first-order bearing error due to known element errors, radians, shape of `azimuth_rad`."""
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     per_element = (-1, *(1,) * (gain.ndim - 1))
     e, d, o = (x.reshape(per_element) for x in (errors.gain, errors.pointing_rad, errors.offset))
@@ -86,11 +88,11 @@ def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: Eleme
 
 
 def rms_bearing_error(manifold: GainManifold, covariance: FloatArray) -> float:
-    """Compute the rms bearing error over azimuths by errors of the elements, radians, to first order.
+    """Compute the rms bearing error over all azimuths due to element errors, radians, to first order.
 
     Args:
         manifold: Assumed manifold.
-        covariance: Covariance of its errors, shape (3 n_elements, 3 n_elements), as in `EstimatedErrors`.
+        covariance: Covariance of the element errors, shape (3 n_elements, 3 n_elements), as in `EstimatedErrors`.
     """
     gain, slope = manifold.search_gain, manifold.search_slope
     turn = _turn_by_gain(gain, slope)
@@ -99,6 +101,6 @@ def rms_bearing_error(manifold: GainManifold, covariance: FloatArray) -> float:
 
 
 def _turn_by_gain(gain: FloatArray, slope: FloatArray) -> FloatArray:
-    r"""Compute the bearing error per addition to each gain, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
+    r"""Compute the bearing error per unit error of each gain, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
     perpendicular = perpendicular_slope(gain, slope)
     return perpendicular / np.square(perpendicular).sum(axis=0)

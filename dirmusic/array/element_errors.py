@@ -1,4 +1,4 @@
-"""Errors of the elements of a real array: their model, priors, and estimates of them."""
+"""Errors of the elements of a real array: the error model, priors, and estimates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ElementErrors:
     Attributes:
         gain: Relative errors e of the gains, shape (n_elements,).
         pointing_rad: Azimuth errors d of the boresights, shape (n_elements,).
-        offset: Additions o to the gains, in units of gain, shape (n_elements,).
+        offset: Offsets o added to the gains, in units of gain, shape (n_elements,).
     """
 
     gain: FloatArray
@@ -44,40 +44,42 @@ class ElementErrors:
 
 
 PATTERN_APART_RAD = np.radians(18.0)
-"""Angle over which the correlation of the error of a pattern falls to 1/e; measured on computed helices."""
+"""Angle over which the correlation of the pattern error falls to 1/e; measured on computed helices."""
 
 OFF_PLANE = 5.0
-"""Growth of the error of a pattern with the sine of the elevation, relative to that in the plane. With 0.02 in the
-plane it matches the difference of the computed helix in its ring from `gain_in_space`: 0.017, 0.03 to 0.04, 0.05 to
-0.07 of the largest gain at 10, 20, 40 degrees, depending on the band; for a single helix two thirds of that."""
+"""Coefficient of the sine of the elevation in the pattern error, relative to the error in the plane. With an error of
+0.02 in the plane, it matches the difference between the helix computed in its ring and `gain_in_space`: 0.017, 0.03 to
+0.04, and 0.05 to 0.07 of the largest gain at 10, 20 and 40 degrees, depending on the band. A single helix differs by
+two thirds of that."""
 
 FAR_OFF_PLANE = 12.0
-"""Growth of the same error with the squared sine, more than the gains show: beyond 30 degrees, bearings fall on the
-wrong one of several nearly equally likely directions. Measured as above."""
+"""Coefficient of the squared sine of the elevation in the same error. It is larger than the gains alone would require,
+because beyond 30 degrees several directions are nearly equally likely and the wrong one may be chosen. Measured as
+above."""
 
 
 def off_by_pattern(sin2: FloatArray) -> FloatArray:
-    """Compute the variance of the error of a pattern relative to the plane, for squared sines of the elevation."""
+    """Compute the variance of the pattern error relative to that in the plane, from the squared sine of elevation."""
     return 1.0 + OFF_PLANE**2 * sin2 + FAR_OFF_PLANE**2 * np.square(sin2)
 
 
 UNEXPLAINED = 0.02
-"""Share of a channel's strength that no model explains in a yard; assumed, see `ElementSpread`."""
+"""Fraction of a channel's strength that no model explains in a yard. Assumed; see `ElementSpread.unexplained`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ElementSpread:
-    """Standard deviations of normal errors of the elements, all >= 0.
+    """Standard deviations of the errors of the elements, which are normally distributed; all >= 0.
 
     Attributes:
-        gain: Relative gain errors.
-        pointing_rad: Pointing errors.
-        offset: Additions to the gain, in units of gain.
-        pattern: Errors of the pattern in one direction in the plane, in units of its largest gain; correlated over
+        gain: Relative gain error.
+        pointing_rad: Pointing error.
+        offset: Offset of the gain, in units of gain.
+        pattern: Error of the pattern in one direction in the plane, in units of the largest gain; correlated over
             `PATTERN_APART_RAD`.
-        unexplained: Errors of a strength relative to it that no model explains: reflections within the gate, edges of
-            the gate, mutual coupling; outside a laboratory `UNEXPLAINED`. Only the joint solver uses it, with the
-            correlation time of the pose error.
+        unexplained: Relative error of a strength that no model explains: reflections within the gate, edges of the
+            gate, mutual coupling. Outside a laboratory, use `UNEXPLAINED`. Only the joint solver uses this value, and
+            it assumes that the error has the correlation time of the pose error.
     """
 
     gain: float = 0.0
@@ -87,26 +89,26 @@ class ElementSpread:
     unexplained: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the standard deviations."""
+        """Check that the standard deviations are valid."""
         for name in ("gain", "pointing_rad", "offset", "pattern", "unexplained"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"`{name}` must be a standard deviation, finite and >= 0, got {value!r}")
 
     def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
-        """Compute the variance of each gain, of the shape of the nominal `gain` and its `slope` per radian."""
+        """Compute the variance of each gain from the nominal gain and its slope per radian, all of the same shape."""
         return np.square(self.gain * gain) + np.square(self.pointing_rad * slope) + self.offset**2 + self.pattern**2
 
     def log_density(
         self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray
     ) -> FloatArray:
-        """Compute the log density of the difference between an element's gain and the nominal one.
+        """Compute the log density of the difference between an element's measured and nominal gain.
 
         Args:
-            mismatch: Strength over amplitude, minus the nominal gain.
+            mismatch: Strength divided by amplitude, minus the nominal gain.
             gain: Nominal gain.
             slope: Slope of the nominal gain per radian.
-            noise_variance: Variance of the strength by noise, over the squared amplitude.
+            noise_variance: Noise variance of the strength, divided by the squared amplitude.
         """
         variance = np.maximum(self.variance(gain, slope) + noise_variance, np.finfo(np.float64).tiny)
         return -0.5 * (np.square(mismatch) / variance + np.log(variance))
@@ -114,7 +116,7 @@ class ElementSpread:
 
 @dataclass(frozen=True, kw_only=True)
 class UniformOffsets:
-    """Additions to the gain, uniform in [-half_width, half_width]: the errors of the Dir-MUSIC paper.
+    """Offsets of the gains, uniform in [-half_width, half_width]: the error model of the Dir-MUSIC paper.
 
     References:
         Dir-MUSIC, eq. (16)-(17) and section 3.2.
@@ -123,7 +125,7 @@ class UniformOffsets:
     half_width: float
 
     def __post_init__(self) -> None:
-        """Check the width."""
+        """Check that the width is valid."""
         if not (np.isfinite(self.half_width) and self.half_width > 0):
             raise ValueError(f"`half_width` must be finite and > 0, in units of gain, got {self.half_width!r}")
 
@@ -134,26 +136,30 @@ class UniformOffsets:
     def log_density(
         self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray
     ) -> FloatArray:
-        """Compute the log density as `ElementSpread`: a box with normal edges, no sharper than 1/50 of its width."""
+        """Compute the log density; arguments as in `ElementSpread.log_density`.
+
+        The density is uniform with normally blurred edges; the blur is at least 1/50 of the width.
+        """
         std = np.sqrt(np.maximum(noise_variance, (self.half_width / 50) ** 2))
         above, below = (scipy.special.ndtr((mismatch + half) / std) for half in (self.half_width, -self.half_width))
         return np.log(np.maximum(above - below, 1e-300))
 
 
 ManifoldPrior = ElementSpread | UniformOffsets
-"""Prior distribution of the errors of an array; elements are independent."""
+"""Prior distribution of the errors of an array, independent between elements."""
 
 N_KINDS = 3
-"""Number of kinds of errors; states are ordered gains, pointings, offsets."""
+"""Number of kinds of errors; the states are ordered gains, pointings, offsets."""
 
 DRIFT = 0.2
-"""Normal change of the errors from one mission to the next, as a share of the spread. Assumed: 1 % of gain and 0.4
-degrees, for connectors that are mated again, amplifiers that age and warm up, and mounts that are knocked."""
+"""Standard deviation of the change of the errors from one mission to the next, as a fraction of the spread. Assumed:
+1 % of gain and 0.4 degrees, for reconnected cables, ageing and warming amplifiers, and mounts that have been knocked.
+"""
 
 CONTRADICTION = 1.5
-"""Root mean square change of the errors, in prior standard deviations, above which the array must be another one.
-Measured in 14 pairs of missions in `one_source`: at most 1.3 and in the median 0.7 for the same array; 2.5 to 4.6 for
-another, beyond 1.5 before the source was confirmed in 11."""
+"""Root mean square change of the errors, in prior standard deviations, above which the array is taken to be a different
+one. Measured in 14 pairs of missions in `one_source`: at most 1.3, with a median of 0.7, for the same array, and 2.5 to
+4.6 for a different one. In 11 of the 14 the value exceeded 1.5 before the source was confirmed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,13 +167,13 @@ class EstimatedErrors:
     """Normal distribution of the errors of one array.
 
     Attributes:
-        mean: Most likely errors.
+        mean: Mean of the errors.
         covariance: Covariance of the gain errors of all elements, their pointing errors in radians and their offsets
             in units of gain, in this order; shape (3 n_elements, 3 n_elements), positive semi-definite, zero for kinds
             of errors that the array does not have.
 
     Raises:
-        ValueError: If the covariance has another shape.
+        ValueError: If the covariance has the wrong shape.
     """
 
     mean: ElementErrors
@@ -181,16 +187,16 @@ class EstimatedErrors:
 
     @classmethod
     def of_spread(cls, spread: ElementSpread, n_elements: int) -> Self:
-        """Make the prior of a data sheet: zero mean, independent elements."""
+        """Create the prior for a data sheet: zero mean and independent elements."""
         std = np.repeat([spread.gain, spread.pointing_rad, spread.offset], n_elements)
         return cls(mean=ElementErrors.none(n_elements), covariance=np.diag(np.square(std)))
 
     @classmethod
     def of_states(cls, state: FloatArray, covariance: FloatArray, n_elements: int) -> Self:
-        """Make it from states ordered by kind; offsets are zero if the states do not contain them.
+        """Create the distribution from states ordered by kind; offsets are 0 if the states do not contain them.
 
         Args:
-            state: Errors, shape (n_kinds n_elements,), n_kinds 2 or 3.
+            state: Errors, shape (n_kinds n_elements,), with n_kinds = 2 or 3.
             covariance: Covariance of the state, shape (n_kinds n_elements, n_kinds n_elements).
             n_elements: Number of elements.
         """
@@ -212,7 +218,7 @@ class EstimatedErrors:
         return self.of_states(self.state[rows], self.covariance[rows][:, rows], len(elements))
 
     def drifted(self, spread: ElementSpread) -> Self:
-        r"""Predict the errors at the next mission, with covariance :math:`C + (\mathrm{DRIFT}\, \sigma)^2 I`."""
+        r"""Predict the errors in the next mission, with covariance :math:`C + (\mathrm{DRIFT}\, \sigma)^2 I`."""
         grown = DRIFT**2 * self.of_spread(spread, self.mean.gain.size).covariance
         return type(self)(mean=self.mean, covariance=self.covariance + grown)
 
@@ -221,7 +227,7 @@ class EstimatedErrors:
 
         .. math:: (m - m_0)^T C_0^{-1} (m - m_0) > \mathrm{CONTRADICTION}^2 \, n
 
-        over the n states with a variance. If the prior holds, the left side is less than n on average.
+        over the n states whose variance is not zero. If the prior is right, the left side is less than n on average.
         """
         free = np.flatnonzero(np.diag(before.covariance) > 0.0)
         moved = (self.state - before.state)[free]

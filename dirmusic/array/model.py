@@ -1,4 +1,4 @@
-"""The array as the robot knows it."""
+"""Model of the array that the robot uses for direction finding and locating."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayModel:
-    """The array as the robot knows it: data sheet, spread of real arrays, and estimated errors of this one.
+    """Array model that the robot uses: data sheet, spread of real arrays, and estimated errors of this one.
 
     Attributes:
         manifold: Nominal gains.
-        positions_m: Nominal positions of the elements, array frame, heights above the ground, shape (n_elements, 3).
-        spread: Spread of real arrays about the data sheet.
+        positions_m: Nominal positions of the elements, array frame, with heights above the ground, shape
+            (n_elements, 3).
+        spread: Standard deviations of real arrays from the data sheet.
         band_manifolds: Nominal gains in the lower and the upper half of each sub-band of the receiver, lowest first;
-            empty if it measures none.
-        errors: Errors of this array estimated in earlier missions; None if unknown.
+            empty if the receiver does not measure sub-bands.
+        errors: Errors of this array as estimated in earlier missions; None if unknown.
     """
 
     manifold: GainManifold
@@ -41,7 +42,7 @@ class ArrayModel:
 
     @property
     def bearing_std_rad(self) -> float:
-        """Bearing error by unknown errors of the array, rms over azimuths; averaging over pulses does not reduce it."""
+        """Bearing error due to unknown array errors, rms over azimuths; averaging over pulses does not reduce it."""
         manifold = self.manifold
         errors = self.errors or EstimatedErrors.of_spread(self.spread, manifold.n_elements)
         by_pattern = manifold_error_std(manifold, SEARCH_AZIMUTHS_RAD, ElementSpread(pattern=self.spread.pattern))

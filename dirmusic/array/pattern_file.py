@@ -1,4 +1,4 @@
-"""Pattern files: CSV tables in the plane or over azimuth, elevation and frequency, and MSI Planet files."""
+"""Reading of pattern files: CSV tables, in the plane or over azimuth, elevation and frequency, and MSI Planet files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dirmusic.input_file import InputFileError, read_whole
 
 FloatArray = NDArray[np.float64]
 Rows = list[tuple[int, list[str]]]
-"""Cells of each row of a table, with its line in the file."""
+"""Line number in the file and cells of each row of a table."""
 
 MSI_SUFFIXES = (".msi", ".pln")
 AXES = ("frequency_ghz", "azimuth_deg", "elevation_deg")
@@ -28,22 +28,25 @@ LIMITS = {
     "gain_db": (-200.0, 200.0, "-200 to 200 dB"),
     "gain": (1e-10, 1e10, "an amplitude ratio above 0; decibels belong in a column gain_db"),
 }
-"""Lowest and highest value of each column and what it must be; no antenna comes near the limits of the gain."""
+"""Minimum and maximum of each column, and their wording in error messages. Real antennas stay well within the limits of
+the gain."""
 
 
 def read_pattern(path: str | Path) -> TabulatedPattern:
     """Read the pattern of one element in the plane from a `.csv`, `.msi` or `.pln` file.
 
-    A CSV file has the columns `angle_deg` (off boresight, counter-clockwise, as `azimuth - boresight`) and `gain`
-    (amplitude ratio) or `gain_db`. Angles increase within one turn; a last row one turn after the first is dropped.
-    The reference of the gains is arbitrary: a common factor changes no bearing. Columns are separated by commas, or by
-    semicolons or tabs with an optional decimal comma. Lines that begin with `#` are comments.
+    A CSV file has the columns `angle_deg` (angle off boresight, counter-clockwise: azimuth - boresight) and `gain`
+    (amplitude ratio) or `gain_db`. Angles must increase and span at most one turn; a last row exactly one turn after
+    the first is dropped. The reference level of the gains is arbitrary, because a common factor does not change a
+    bearing. Columns are separated by commas, or by semicolons or tabs, in which case decimal commas are allowed. Lines
+    that begin with `#` are comments.
 
-    Of an MSI Planet file the block `HORIZONTAL` is read: angles in degrees, clockwise from the boresight as on a
+    From an MSI Planet file, the block `HORIZONTAL` is read: angles in degrees, clockwise from the boresight as on a
     compass, and attenuation relative to the peak in decibels, 0 or more.
 
     Raises:
-        InputFileError: If the file cannot be read, or a cell, an angle or a gap is wrong; with file and line.
+        InputFileError: If the file cannot be read, a cell or an angle is invalid, or a gap between angles is too wide;
+            the message gives file and line.
     """
     path = Path(path)
     is_msi = path.suffix.lower() in MSI_SUFFIXES
@@ -75,13 +78,13 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
 def read_spatial_pattern(path: str | Path) -> SpatialPattern:
     """Read the pattern of one element from a `.csv` file with a row for each frequency, azimuth and elevation.
 
-    The columns are `frequency_ghz`; `azimuth_deg`, off boresight, counter-clockwise seen from above, for one turn;
-    `elevation_deg`, up from the plane of the boresight; and `gain` (amplitude ratio) or `gain_db`. Rows may come in any
-    order, and every combination must be present. A row one turn after another repeats it and is dropped. The gains of
-    all frequencies have one reference: the change of the gain with frequency matters.
+    The columns are `frequency_ghz`; `azimuth_deg`, off boresight, counter-clockwise seen from above, over one turn;
+    `elevation_deg`, upwards from the plane of the boresight; and `gain` (amplitude ratio) or `gain_db`. Rows may be in
+    any order, and every combination must be present. A row exactly one turn after another is dropped. The gains at all
+    frequencies must have the same reference level, because the change of the gain with frequency matters.
 
     Raises:
-        InputFileError: If the file cannot be read, a cell is wrong, or a combination is missing or repeated.
+        InputFileError: If the file cannot be read, a cell is invalid, or a combination is missing or repeated.
     """
     path = Path(path)
     axes, gain = _numbers(path, *_read_csv(path), AXES)
@@ -109,7 +112,7 @@ def read_spatial_pattern(path: str | Path) -> SpatialPattern:
 
 
 def read_any_pattern(path: str | Path) -> TabulatedPattern | SpatialPattern:
-    """Read a pattern over azimuth, elevation and frequency if the file has such columns, else one in the plane.
+    """Read a pattern over azimuth, elevation and frequency if the file has these columns, else a pattern in the plane.
 
     Raises:
         InputFileError: See `read_pattern` and `read_spatial_pattern`.
@@ -121,7 +124,7 @@ def read_any_pattern(path: str | Path) -> TabulatedPattern | SpatialPattern:
 
 
 def _read_lines(path: Path) -> list[tuple[int, str]]:
-    """Return the lines of a UTF-8 file that are neither empty nor comments, with their numbers from 1."""
+    """Return the lines of a UTF-8 file that are neither empty nor comments, with their line numbers, from 1."""
     try:
         text = read_whole(path, 100_000_000).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -131,7 +134,7 @@ def _read_lines(path: Path) -> list[tuple[int, str]]:
 
 
 def _read_csv(path: Path) -> tuple[list[str], Rows]:
-    """Return the names of the columns of a CSV table and its rows, with decimal points."""
+    """Return the column names and the rows of a CSV table; decimal commas are replaced by points."""
     lines = _read_lines(path)
     if len(lines) < 2:
         raise InputFileError([f"{path}: must have a header and at least one row"])
@@ -160,10 +163,11 @@ def _read_msi(path: Path) -> Rows:
 
 
 def _numbers(path: Path, names: list[str], rows: Rows, axes: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """Convert the cells of a table to numbers; its columns must be the axes and one of the gain.
+    """Convert the cells of a table to numbers; its columns must be the axes and `gain` or `gain_db`.
 
     Returns:
-        Axes in their order, shape (n_axes, n_rows), and gains as amplitude ratios, shape (n_rows,).
+        Values of the axes, in the order of `axes`, shape (n_axes, n_rows), and gains as amplitude ratios, shape
+        (n_rows,).
     """
     kind = next((name for name in names if name in {"gain", "gain_db", "attenuation_db"}), "gain")
     if sorted(names) != sorted([*axes, kind]):

@@ -14,23 +14,24 @@ from dirmusic.array.pattern import MAX_GAP_RAD, TabulatedPattern
 FloatArray = NDArray[np.float64]
 
 LEAST_GAIN = 1e-6
-"""Smallest gain, 120 dB below the reference: a spline may swing below zero between the angles of a table."""
+"""Lower limit of the gain, 120 dB below the reference: a spline may overshoot below 0 between the tabulated angles."""
 
 
 class SpatialPattern:
-    """Pattern as a table: cubic between its angles, linear between its frequencies.
+    """Tabulated pattern, with cubic interpolation over the angles and linear interpolation over frequency.
 
-    Angles refer to the element: azimuth off boresight, counter-clockwise seen from above, and elevation from the plane
-    of boresight and left side. Beyond the lowest and highest frequency and elevation of the table, the gain is that at
-    the nearest one.
+    Angles refer to the element: azimuth off boresight, counter-clockwise seen from above, and elevation above the plane
+    through the boresight and the element's left side. Outside the tabulated frequencies and elevations, the gain is
+    that of the nearest one.
 
     Args:
-        frequency_hz: Increasing frequencies, shape (n_frequencies,).
-        azimuth_rad: Increasing azimuths that span less than one turn, without a gap wider than 30 degrees, also between
-            last and first; shape (n_azimuths,), n >= 12.
-        elevation_rad: Increasing elevations in [-pi/2, pi/2], on both sides of 0; shape (n_elevations,), n >= 4.
-        gain: Amplitude gain, positive, shape (n_frequencies, n_azimuths, n_elevations). Straight up and down, the mean
-            over the azimuths is used.
+        frequency_hz: Frequencies, increasing, shape (n_frequencies,).
+        azimuth_rad: Azimuths, increasing, spanning less than one turn; no gap, including that between the last and the
+            first, may exceed 30 degrees; shape (n_azimuths,), n_azimuths >= 12.
+        elevation_rad: Elevations, increasing, in [-pi/2, pi/2], on both sides of 0; shape (n_elevations,),
+            n_elevations >= 4.
+        gain: Amplitude gain, positive, shape (n_frequencies, n_azimuths, n_elevations). At the zenith and the nadir,
+            the mean over the azimuths is used.
 
     Raises:
         ValueError: If shapes disagree, an axis is invalid, or a gain is not positive and finite.
@@ -77,7 +78,7 @@ class SpatialPattern:
         ]
 
     def gain(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
-        """Compute the gain towards directions at several frequencies.
+        """Compute the gain towards one or more directions at several frequencies.
 
         Args:
             azimuth_rad: Azimuths off boresight, any shape.
@@ -95,10 +96,10 @@ class SpatialPattern:
         return np.tensordot(weight, tabulated, axes=1)
 
     def cut(self, band_hz: tuple[float, float] | None = None) -> TabulatedPattern:
-        """Compute the pattern in the plane for a flat spectrum: the root mean square of the gain over a band.
+        """Compute the pattern in the plane for a flat spectrum, that is, the rms of the gain over a band.
 
         Args:
-            band_hz: Lowest and highest frequency. Default: those of the table.
+            band_hz: Lowest and highest frequency; by default those of the table.
         """
         low_hz, high_hz = band_hz or (self.frequency_hz[0], self.frequency_hz[-1])
         frequency_hz = np.linspace(low_hz, high_hz, 33)
@@ -108,10 +109,10 @@ class SpatialPattern:
 
 
 def frequency_weights(frequency_hz: FloatArray, known_hz: FloatArray) -> FloatArray:
-    """Compute the weights of linear interpolation between known frequencies, constant outside.
+    """Compute the weights of linear interpolation between known frequencies, with constant extrapolation.
 
     Args:
-        frequency_hz: Frequencies to interpolate at, shape (n,).
+        frequency_hz: Frequencies at which to interpolate, shape (n,).
         known_hz: Known frequencies, increasing, shape (n_known,).
 
     Returns:
@@ -121,7 +122,7 @@ def frequency_weights(frequency_hz: FloatArray, known_hz: FloatArray) -> FloatAr
 
 
 def halves(edges_hz: Sequence[float]) -> list[tuple[float, float]]:
-    """Return lower and upper half of each sub-band, lowest first; edges as of `SubBands`."""
+    """Return the lower and the upper half of each sub-band, lowest first; `edges_hz` as in `SubBands`."""
     middles = [(low + high) / 2 for low, high in pairwise(edges_hz)]
     ends = sorted([*edges_hz, *middles])
     return list(pairwise(ends))

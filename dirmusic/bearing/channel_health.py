@@ -1,8 +1,8 @@
-"""Detection of faulty channels from the pulses alone, without a reference or test signal.
+"""Detection of faulty channels from the detected pulses alone, without a reference or test signal.
 
-Each channel in turn is left out. Where the others agree on a direction, they predict the strength of the pulse in the
-one left out. If that prediction is wrong in the same way over many pulses, and the others agree once the channel is
-left out, the channel is faulty.
+Each channel is left out in turn. If the other channels agree on a direction, they predict the strength of the pulse in
+the omitted channel. A channel is faulty if the prediction is wrong in the same sense for many pulses, and the other
+channels agree once it is omitted.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class SuspectChannel(NamedTuple):
     Attributes:
         channel: Number of the channel, from 1.
         kind: `dead`, `low` or `high` compared with the prediction, `swapped` with another, or `stuck` at one value.
-        ratio_db: Median of its strength over the prediction, dB; NaN for swapped and stuck channels.
+        ratio_db: Median ratio of its strength to the prediction, dB; NaN for swapped and stuck channels.
         n_pulses: Number of pulses that show the fault.
     """
 
@@ -50,38 +50,40 @@ class SuspectChannel(NamedTuple):
 
 
 class ChannelMonitor:
-    """Estimator of bearings that watches for faulty channels and leaves them out.
+    """Bearing estimation that detects faulty channels and excludes them.
 
-    Faults are judged by how well one direction explains the pulses, so by maximum likelihood, whichever estimator takes
-    the bearings. A faulty channel is wrong in all directions; a deviation in one direction, by a pattern error or
-    a source high above the array, is not a fault.
+    A fault is found from how well a single direction explains the pulses. This test uses maximum likelihood, whichever
+    estimator computes the bearings. A faulty channel is wrong in all directions; a deviation in one direction only, due
+    to a pattern error or a source high above the array, is not a fault.
 
     Args:
         array: The nominal array.
-        estimator: Estimator of the bearings from the good channels.
+        estimator: Estimator that computes the bearings from the good channels.
 
     Attributes:
         good: True for each channel that is not faulty, shape (n_elements,).
         n_bad: Number of faulty channels.
-        CLEAR_STD_RAD: Largest bearing deviation by noise of the pulses that are watched. This and the following
-            thresholds are assumed.
-        CHECK_PULSES: Pulses between checks.
-        MOST_CHECKS: Most checks of pulses that arrive in one call; a long survey has more pulses between checks.
-        CHECKED_MISFIT: Upper quartile of the misfit below which nothing is checked further.
-        WINDOW: Latest pulses that a check uses.
-        TESTED_SHARE: A pulse tests a channel whose predicted strength is at least this share of the strongest one.
-        LEAST_PULSES: Fewest pulses that must test a channel.
-        FAULT_DB: Median deviation of a faulty channel; well above the spread of real arrays.
-        EACH_DB: Deviation in the same sense that nine in ten of the pulses must show.
+        CLEAR_STD_RAD: Maximum standard deviation of the bearing due to noise; pulses above it are not used. This and
+            the following thresholds are assumed.
+        CHECK_PULSES: Number of pulses between checks.
+        MOST_CHECKS: Maximum number of checks per call; a call with many pulses checks less often.
+        CHECKED_MISFIT: Upper quartile of the misfit below which a check stops, because the channels agree.
+        WINDOW: Number of latest pulses that a check uses.
+        TESTED_SHARE: Minimum predicted strength of a channel, as a fraction of the strongest, for a pulse to test it.
+        LEAST_PULSES: Minimum number of pulses that must test a channel.
+        FAULT_DB: Minimum median deviation of a faulty channel; well above the spread of real arrays.
+        EACH_DB: Minimum deviation, in the same sense, that nine out of ten pulses must show.
         DEAD_DB: Deviation below which a channel is dead rather than low.
-        CURED_SHARE: Share of its previous value below which the median misfit must fall without the channel.
+        CURED_SHARE: Fraction of its previous value below which the median misfit must fall without the channel.
         AGREED_MISFIT: Median misfit below which the other channels agree.
         STUCK_SPREAD: Relative spread of the strengths below which a channel is stuck.
-        SWAP_PULSES: Fewest pulses before two channels are suspected of being swapped; a single fault shows earlier.
-        LEAST_APERTURE_RAD: Smallest aperture of the directions: from one direction alone a low channel looks like two
-            swapped ones, and a pattern error like a channel that is too low or too high.
-        CERTAIN_DB: Deviation beyond which a channel is faulty whatever the aperture; no pattern error is as large.
-        LEAST_CHANNELS: Fewest good channels; with fewer, directions are ambiguous.
+        SWAP_PULSES: Minimum number of pulses for two channels to be reported as swapped; the fault of a single channel
+            shows earlier.
+        LEAST_APERTURE_RAD: Minimum angular spread of the directions. From one direction alone, a low channel looks like
+            two swapped ones, and a pattern error looks like a low or high channel.
+        CERTAIN_DB: Deviation beyond which a channel is faulty whatever the spread of the directions; pattern errors are
+            smaller than this.
+        LEAST_CHANNELS: Minimum number of good channels; with fewer, directions are ambiguous.
     """
 
     CLEAR_STD_RAD = np.radians(4.0)
@@ -102,24 +104,24 @@ class ChannelMonitor:
         self._n_seen = self._n_new = 0
 
     def bearings(self, pulses: PulseBatch) -> PulseBatch:
-        """Return the pulses with directions from the good channels, and with these marked as usable."""
+        """Return the pulses with directions estimated from the good channels, which are marked as usable."""
         if not self.n_bad:
             return self._estimator(pulses, self.array).attached_to(pulses)
         found = self._estimator(pulses.take_channels(self.good), self.array.take(self.good))
         return found.attached_to(pulses)._replace(is_usable=np.broadcast_to(self.good, pulses.strengths_v.shape))
 
     def watch(self, pulses: PulseBatch) -> tuple[PulseBatch, tuple[SuspectChannel, ...]]:
-        """Return the pulses with their directions, and the channels that they show to be faulty."""
+        """Return the pulses with their directions, and the channels newly found faulty."""
         pulses = self.bearings(pulses)
         found = self.note(pulses)
         return (self.bearings(pulses) if found else pulses), found
 
     def note(self, pulses: PulseBatch, own: slice = slice(None)) -> tuple[SuspectChannel, ...]:
-        """Add pulses to the window, check the channels, and return those newly found faulty.
+        """Add pulses to the window, check the channels, and return the channels newly found faulty.
 
         Args:
             pulses: Pulses with their directions.
-            own: Rows of the pulses of this receiver.
+            own: Rows of the pulses that this receiver detected.
         """
         found: list[SuspectChannel] = []
         std_rad, misfit = pulses.std_rad[own], pulses.misfit[own]
@@ -129,7 +131,7 @@ class ChannelMonitor:
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
         strengths_v = pulses.strengths_v[own]
         clear = np.flatnonzero(std_rad < self.CLEAR_STD_RAD)
-        for row in clear.tolist():  # one by one, so that checks do not depend on the size of the batch
+        for row in clear.tolist():  # one by one, so that checks do not depend on the batch size
             at = self._n_seen % self.WINDOW
             self._strengths[at], self._misfits[at] = strengths_v[row], misfit[row]
             self._n_seen += 1
@@ -140,7 +142,7 @@ class ChannelMonitor:
         return tuple(found)
 
     def _check(self) -> list[SuspectChannel]:
-        """Find faulty channels, and leave them out from now on."""
+        """Find faulty channels, and exclude them from now on."""
         n = min(self._n_seen, self.WINDOW)
         suspects = self._suspects(self._strengths[:n], self._misfits[:n])
         if suspects:
@@ -151,7 +153,7 @@ class ChannelMonitor:
         return suspects
 
     def _suspects(self, strengths_v: FloatArray, misfits: FloatArray) -> list[SuspectChannel]:
-        """Find faulty channels in the pulses of the window: stuck ones, else the worst one, else a swapped pair."""
+        """Find faulty channels from the pulses in the window: stuck ones, else the worst one, else a swapped pair."""
         channels = np.flatnonzero(self.good)
         if channels.size <= self.LEAST_CHANNELS or self._n_seen < self.LEAST_PULSES:
             return []
@@ -171,14 +173,14 @@ class ChannelMonitor:
         return self._swapped(strengths_v, channels, unexplained)
 
     def _fit(self, strengths_v: FloatArray, channels: NDArray[np.intp]) -> Bearings:
-        """Estimate directions of pulses (n, n_channels) from some channels."""
+        """Estimate the directions of pulses, strengths of shape (n, n_channels), from some of the channels."""
         pulses = PulseBatch.detected(np.zeros(len(strengths_v)), strengths_v, np.zeros_like(strengths_v))
         return maximum_likelihood(pulses, self.array.take(channels))
 
     def _without(
         self, strengths_v: FloatArray, channels: NDArray[np.intp], k: int
     ) -> tuple[float, SuspectChannel] | None:
-        """Return the median misfit without channel k and its fault, or None if it is not faulty."""
+        """Return the median misfit without channel k and the fault of that channel, or None if it is not faulty."""
         others = np.delete(np.arange(channels.size), k)
         azimuth, _, misfit = self._fit(strengths_v[:, others], channels[others])
         remaining = float(np.median(misfit))
@@ -199,7 +201,7 @@ class ChannelMonitor:
         return remaining, SuspectChannel(int(channels[k]) + 1, kind, median_db, int(tests.sum()))
 
     def _swapped(self, strengths_v: FloatArray, channels: NDArray[np.intp], unexplained: float) -> list[SuspectChannel]:
-        """Find the two channels that explain all pulses once they are exchanged."""
+        """Find a pair of channels that, once exchanged, let single directions explain the pulses."""
         n = len(strengths_v)
         if unexplained < self.AGREED_MISFIT or n < self.SWAP_PULSES:
             return []

@@ -1,4 +1,4 @@
-"""Bearing estimators: their protocol, the built-in ones by name, and the coarse ones used for comparison."""
+"""Bearing estimators: their protocol, a table of the built-in ones, and two coarse ones for comparison."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ FloatArray = NDArray[np.float64]
 class BearingEstimator(Protocol):
     """Estimator of directions of arrival from the strengths of pulses.
 
-    It is called once for all pulses of a control step, of one robot or of many. Row i of the result must depend on row
-    i of the pulses alone, so that a mission does not depend on the number of robots. Faulty channels are removed from
-    the pulses and the array before the call, so that the number of elements may decrease during a mission.
+    An estimator is called once for all pulses of a control step, of one or many robots. Row i of the result must depend
+    only on row i of the pulses, so that a mission does not depend on the number of robots. Faulty channels are removed
+    from the pulses and the array before the call, so the number of elements may decrease during a mission.
     """
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
@@ -33,21 +33,21 @@ class BearingEstimator(Protocol):
 
         Args:
             pulses: Detected pulses, n_pulses >= 0; their direction columns are not set.
-            array: Nominal array of the channels in use, with an element for each strength of a pulse.
+            array: Nominal array of the channels in use, with one element per strength of a pulse.
 
         Returns:
-            Directions in the array frame, shape (n_pulses,), all finite. The standard deviation includes noise and the
-            error of the method, > 0, and is pi for a pulse without strength. `bearings_towards` computes deviation by
-            noise and misfit of any direction.
+            Directions in the array frame, shape (n_pulses,), all finite. The standard deviation must be positive and
+            include noise and the error of the method; it is pi for a pulse without strength. `bearings_towards`
+            computes the misfit of given directions, and their standard deviation due to noise.
         """
         ...
 
 
 @compiled
 def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> NDArray[np.intp]:
-    r"""Find the grid direction at which eq. (15), as printed, peaks for each pulse.
+    r"""Find, for each pulse, the grid direction at which eq. (15), as printed, has its peak.
 
-    The noise subspace of a single pulse a is everything orthogonal to it, so
+    The noise subspace of a single pulse a is the orthogonal complement of a, so
     :math:`P(\theta) = 1 / (\lVert g \rVert^2 - (g^T a)^2 / \lVert a \rVert^2)`.
 
     Args:
@@ -81,7 +81,7 @@ def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> NDArray[n
 def judge_directions(
     azimuth_rad: FloatArray, strengths: FloatArray, variance: FloatArray, table: Held[ManifoldTable]
 ) -> Bearings:
-    r"""Compute deviation by noise and misfit of given directions.
+    r"""Compute the misfit of given directions, and their standard deviation due to noise.
 
     .. math:: \sigma^2 = \frac{\sum_i p_i^2 v_i}{\lVert p \rVert^4 \alpha^2}, \quad p = (I - g g^T / g^T g) g',
               \quad \alpha = g^T a / g^T g
@@ -121,27 +121,27 @@ def judge_directions(
 
 
 GRID_RAD = np.radians(np.arange(1.0, 361.0))
-"""Grid of the paper: every degree."""
+"""Search grid of the paper, in steps of 1 degree."""
 
 
 def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Compute deviation by noise and misfit of directions found by any method.
+    """Compute the misfit of directions found by any method, and their standard deviation due to noise.
 
     Args:
         azimuth_rad: Direction of each pulse, array frame, shape (n_pulses,).
         pulses: Pulses.
-        array: Nominal array of their channels.
+        array: Nominal array of the channels of the pulses.
 
     Returns:
-        The directions with their deviations by noise alone, to which an estimator adds the error of its method.
+        The directions with their standard deviations due to noise alone; an estimator adds the error of its method.
     """
     return judge_directions(azimuth_rad, pulses.strengths_v, pulses.variance_v2, array.manifold.held_table)
 
 
 def music(pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Estimate directions as the paper does: the peak of eq. (15), as printed, on a grid of 1 degree.
+    """Estimate directions as in the paper: the peak of eq. (15), as printed, on a 1 degree grid.
 
-    The deviation includes noise and rounding to the grid.
+    The standard deviation includes noise and rounding to the grid.
 
     References:
         Dir-MUSIC, eq. (15) and section 3.1.
@@ -152,9 +152,9 @@ def music(pulses: PulseBatch, array: ArrayModel) -> Bearings:
 
 
 def strongest(pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Take the boresight of the strongest element for the direction, as with a hand-held antenna.
+    """Estimate the direction as the boresight of the strongest element, as with a hand-held antenna.
 
-    The deviation includes noise and the rms error over all directions in which this element is the strongest.
+    The standard deviation includes noise and the rms error over all directions in which this element is the strongest.
     """
     element = pulses.strengths_v.argmax(axis=-1)
     boresight_rad = array.manifold.boresights_rad[element]
@@ -162,7 +162,7 @@ def strongest(pulses: PulseBatch, array: ArrayModel) -> Bearings:
 
 
 def _with_deviation(found: Bearings, method_std_rad: FloatArray | float) -> Bearings:
-    """Add the deviation of the method, except for pulses without a direction."""
+    """Add the standard deviation of the method, except for pulses without a direction."""
     std_rad = np.minimum(np.hypot(found.std_rad, method_std_rad), UNKNOWN_STD_RAD)
     return found._replace(std_rad=np.where(found.std_rad > UNKNOWN_STD_RAD, found.std_rad, std_rad))
 
@@ -188,13 +188,14 @@ ESTIMATORS: dict[str, BearingEstimator] = {
     "music": music,
     "strongest": strongest,
 }
-"""Built-in estimators by name, the best first."""
+"""Built-in estimators by name, the most accurate first."""
 
 
 def method_std(estimator: BearingEstimator, array: ArrayModel) -> NDArray[np.float64]:
-    """Compute the deviation that an estimator states without noise, for each of `SEARCH_AZIMUTHS_RAD`, radians.
+    """Compute the standard deviation that an estimator returns without noise, for each of `SEARCH_AZIMUTHS_RAD`.
 
-    It is zero for maximum likelihood and about 17 degrees for the strongest of six elements.
+    The result is in radians. It is zero for `maximum_likelihood`, and about 17 degrees for `strongest` with six
+    elements.
     """
     strengths = array.manifold.gain(SEARCH_AZIMUTHS_RAD).T.copy()
     return estimator(PulseBatch.detected(np.zeros(len(strengths)), strengths, np.zeros_like(strengths)), array).std_rad

@@ -1,4 +1,4 @@
-"""Maximum-likelihood bearings from strengths over the gain manifold, off the grid, with their deviation."""
+"""Maximum-likelihood estimation of bearings from strengths, refined between grid points, with standard deviations."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ from dirmusic.pulses.strengths import dot
 FloatArray = NDArray[np.float64]
 
 REFINEMENTS = 2
-"""Gauss-Newton steps after the first; without noise, two converge to 1e-9 rad."""
+"""Number of Gauss-Newton steps after the first; without noise, two converge to 1e-9 rad."""
 
 TINY = 1e-12
-"""Prevents division by a vanishing squared slope, per radian squared."""
+"""Smallest squared slope, per radian squared, to prevent division by zero."""
 
 
 class Fit(NamedTuple):
     """Fit of one direction to each row of pooled pulses.
 
     Attributes:
-        bearings: Directions, deviations by noise and misfits, of shape (n_rows,).
-        strengths: Pooled strengths over their amplitude, near the gains, shape (n_rows, n_elements).
-        variance: Variance of these by noise, same shape.
+        bearings: Directions, their standard deviations due to noise, and misfits, shape (n_rows,).
+        strengths: Pooled strengths divided by their amplitude, and therefore close to the gains, shape
+            (n_rows, n_elements).
+        variance: Noise variance of `strengths`, same shape.
     """
 
     bearings: Bearings
@@ -43,7 +44,7 @@ class Fit(NamedTuple):
 
 @compiled_inner
 def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
-    """Interpolate gain and slope per radian of each element, by the cubic with the values and slopes of the table."""
+    """Interpolate the gain of each element and its slope per radian, by cubic Hermite interpolation of the table."""
     n, step_rad = table.gain.shape[0], 2.0 * np.pi / table.gain.shape[0]
     at = azimuth_rad / step_rad
     low = np.floor(at)
@@ -57,7 +58,7 @@ def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: F
 
 @compiled_inner
 def best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: FloatArray) -> int:
-    """Return the index of the search azimuth whose unit gain u has the largest u^T R u; `match` is scratch memory."""
+    """Find the search azimuth whose unit gain u maximises u^T R u; `match` is scratch memory."""
     for j in range(match.size):
         match[j] = 0.0
     pair = 0
@@ -84,19 +85,19 @@ def fit_pulses(
 ) -> Fit:
     """Find the best search azimuth of each row of pulses and refine it by Gauss-Newton within one search step.
 
-    The amplitude is projected out: only the part of the slope orthogonal to the gain counts,
-    :math:`p = (I - g g^T / g^T g) g'`. At a kink of the pattern (eq. (1) has one where its angle passes 0/360) the
-    steps may end on the other side of it; the error is as large on either side.
+    The amplitude is projected out: only the component of the slope orthogonal to the gain matters,
+    :math:`p = (I - g g^T / g^T g) g'`. At a kink of the pattern (eq. (1) has one where its angle wraps from 360 to 0
+    degrees), the steps may end on the other side of the kink; the error is equally large on either side.
 
     Args:
         strengths: Strengths, shape (n_rows, n_pulses, n_elements).
         variance: Variance of the strengths, same shape.
         total_variance: Sum of the variances of the pulses of a row, shape (n_rows, n_elements).
         held_table: Table of the manifold.
-        silence: Azimuth, deviation and misfit of rows without strength.
+        silence: Azimuth, standard deviation and misfit to return for rows without strength.
 
     Returns:
-        The fits, azimuths in (-pi, pi].
+        The fits, with azimuths in (-pi, pi].
     """
     n_rows, n_pulses, n = strengths.shape
     table, bearings = held_table.value, Bearings(np.empty(n_rows), np.empty(n_rows), np.empty(n_rows))
@@ -133,7 +134,7 @@ def fit_pulses(
             amplitude = dot(pulses[k], gain) / energy
             for e in range(n):
                 noise[e] += amplitude * amplitude * variance[row, k, e]
-        bias, spread = 0.0, 0.0  # expected contribution of noise to the squared amplitudes, and to the slope of the fit
+        bias, spread = 0.0, 0.0  # expected contributions of noise to the squared amplitudes and to the slope of the fit
         for e in range(n):
             bias += total_variance[row, e] * gain[e] * gain[e] / (energy * energy)
             spread += across[e] * across[e] * noise[e]
@@ -150,20 +151,20 @@ def fit_pulses(
 def bearing_posterior(
     fit: Fit, manifold: GainManifold, prior: ManifoldPrior, rows: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Compute mean and deviation of the azimuth, given strengths and a prior of the errors of the array.
+    r"""Compute mean and standard deviation of the azimuth, given strengths and a prior of the array errors.
 
-    With strengths :math:`x_i = \alpha (g_i(\theta) + \Delta_i) + n_i`, azimuth and scale :math:`\beta = 1 / \alpha`
-    unknown,
+    With strengths :math:`x_i = \alpha (g_i(\theta) + \Delta_i) + n_i`, and with azimuth and scale
+    :math:`\beta = 1 / \alpha` unknown,
 
     .. math:: p(\theta \mid x) \propto \int \beta^{n - 1} \prod_i p_\Delta(\beta x_i - g_i(\theta)) \, d\beta
 
-    where :math:`p_\Delta` is the density of error and noise of an element. Pulses from one direction share the error,
+    where :math:`p_\Delta` is the density of an element's error plus noise. Pulses from one direction share the error,
     so pool them first. The posterior is summed over a grid that spans five standard deviations on either side.
 
     Args:
         fit: Maximum-likelihood fit.
         manifold: Nominal array.
-        prior: Prior of its errors.
+        prior: Prior of the errors of the array.
         rows: Indices of the rows of the fit, shape (n,).
 
     Returns:
@@ -190,7 +191,7 @@ def bearing_posterior(
 
 
 def maximum_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Estimate the directions of pulses one by one, by maximum likelihood: the default `BearingEstimator`."""
+    """Estimate the direction of each pulse by maximum likelihood: the default `BearingEstimator`."""
     strengths, variance = (np.ascontiguousarray(values) for values in (pulses.strengths_v, pulses.variance_v2))
     table = array.manifold.held_table
     return fit_pulses(strengths[:, np.newaxis], variance[:, np.newaxis], variance, table, NO_DIRECTION).bearings
@@ -203,21 +204,21 @@ def estimate_bearings(
     strength_variance: ArrayLike | None = None,
     prior: ManifoldPrior | None = None,
 ) -> Bearings:
-    r"""Estimate the direction of pooled pulses of unknown amplitude, by maximum likelihood in white noise.
+    r"""Estimate the direction of pooled pulses of unknown amplitudes by maximum likelihood in white noise.
 
     .. math:: \hat\theta = \arg\max_\theta \frac{g(\theta)^T R \, g(\theta)}{\lVert g(\theta) \rVert^2},
               \quad R = \sum_k a_k a_k^T
 
-    For one pulse this is the peak of eq. (15) with the gain normalised, which matters where the norm of the gain
-    varies, as with four of six elements.
+    For one pulse this is the peak of eq. (15) with normalised gain. Normalisation matters where the norm of the gain
+    varies with azimuth, as when only four of six elements are used.
 
     Args:
-        strengths: Strengths, shape (..., n_pulses, n_elements), volts, >= 0. The pulses of one row are pooled, as from
-            one source.
+        strengths: Strengths, shape (..., n_pulses, n_elements), volts, >= 0. The n_pulses pulses are pooled, on the
+            assumption that they come from one source.
         manifold: Nominal array.
         strength_variance: Variance of the strengths, V^2, >= 0; broadcasts to the shape of `strengths`.
-        prior: Prior of the errors of the array. With it, azimuth and deviation are taken from the posterior over
-            these errors, at several hundred times the cost.
+        prior: Prior of the errors of the array. With it, azimuth and standard deviation are those of the posterior,
+            marginalised over these errors, at several hundred times the cost.
 
     Returns:
         Bearings of the leading shape (...).
@@ -257,11 +258,11 @@ def bearings_from_covariance(
     noise_variance: ArrayLike | None = None,
     prior: ManifoldPrior | None = None,
 ) -> Bearings:
-    r"""Estimate the direction from a covariance of samples, for elements so close that the pulse has no delay.
+    r"""Estimate the direction from a covariance of samples, for elements so close that delays are negligible.
 
-    With more than about a centimetre between the elements, use gated strengths instead. Take samples from a gate around
-    the pulse: those without it only add noise, by which the variance grows from the Cramer-Rao bound to
-    :math:`(1 + n \sigma^2 / (E \lVert g \rVert^2))` times that, with E the energy of the pulse.
+    If the elements are more than about a centimetre apart, use gated strengths instead. Take samples only from a gate
+    around the pulse: samples without signal only add noise, and increase the variance to
+    :math:`(1 + n \sigma^2 / (E \lVert g \rVert^2))` times the Cramer-Rao bound, where E is the energy of the pulse.
 
     Args:
         covariance: Result of `sample_covariance`, shape (..., n_elements, n_elements), V^2.
@@ -288,7 +289,7 @@ def bearings_from_covariance(
     shape = r.shape[:-2]
     values, vectors = np.linalg.eigh(n_snapshots * r.reshape(-1, n, n))
     root = np.sqrt(np.maximum(values, 0.0))[..., np.newaxis]
-    components = np.ascontiguousarray(root * np.swapaxes(vectors, -1, -2))  # like the strengths of n pulses
+    components = np.ascontiguousarray(root * np.swapaxes(vectors, -1, -2))  # equivalent to the strengths of n pulses
     variance_v2 = np.zeros(()) if noise_variance is None else np.asarray(noise_variance, dtype=np.float64)
     variance = np.broadcast_to(variance_v2, shape).reshape(-1, 1, 1) * np.ones((n, n))
     total_variance = n_snapshots * variance[:, 0]
@@ -304,13 +305,16 @@ def _find_bearings(
     prior: ManifoldPrior | None,
     is_noise_known: bool,
 ) -> Bearings:
-    """Compute bearings by `fit_pulses` or, with a prior, the posterior; without prior and noise, deviations are NaN."""
+    """Compute bearings by `fit_pulses` or, with a prior, from the posterior.
+
+    Standard deviations are NaN if neither the noise nor a prior is known.
+    """
     fit = fit_pulses(strengths, variance, total_variance, manifold.held_table, (np.nan, np.nan, np.nan))
     if prior is None and not is_noise_known:
         fit.bearings.std_rad[:] = np.nan
     if prior is not None:
         seen = np.flatnonzero(np.isfinite(fit.bearings.misfit))
-        for first in range(0, seen.size, 128):  # in about 10 MB
+        for first in range(0, seen.size, 128):  # chunks that take about 10 MB
             rows = seen[first : first + 128]
             fit.bearings.azimuth_rad[rows], fit.bearings.std_rad[rows] = bearing_posterior(fit, manifold, prior, rows)
     return fit.bearings

@@ -1,4 +1,4 @@
-"""Noise subspace, pseudo-spectrum and its peaks, and the number of sources."""
+"""Noise subspace, pseudo-spectrum and its peaks, and estimation of the number of sources."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
 
 
 def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1) -> FloatArray:
-    r"""Compute the pseudo-spectrum: how little of the gain towards each azimuth lies in the noise subspace.
+    r"""Compute the pseudo-spectrum, which is large where the gain is nearly orthogonal to the noise subspace.
 
-    MUSIC uses phases; Dir-MUSIC uses gains, and needs neither coherent sampling nor half-wave spacing.
+    MUSIC uses phases; Dir-MUSIC uses gains, and needs neither coherent sampling nor half-wavelength spacing.
 
     .. math:: P(\theta) = 1 / \lVert E_n^T g(\theta) \rVert^2
 
     Args:
         covariance: Strength covariance, shape (..., n_elements, n_elements), V^2.
-        gain: Element gains per candidate azimuth, shape (n_elements, n_angles), unitless.
+        gain: Gains of the elements towards each candidate azimuth, shape (n_elements, n_angles), unitless.
         n_sources: Sources assumed present, in [1, n_elements - 1].
 
     Returns:
-        Pseudo-spectrum, shape (..., n_angles), unitless. It ranks azimuths; its height is not a power. Infinite where
-        the fit is exact.
+        Pseudo-spectrum, shape (..., n_angles), unitless; infinite where the fit is exact. It ranks azimuths, but its
+        height is not a power.
 
     Raises:
         ValueError: If shapes disagree or no noise subspace is left.
 
     References:
-        Dir-MUSIC, eq. (13)-(15), as printed: `gain` is not normalised.
+        Dir-MUSIC, eq. (13)-(15), as printed, that is, without normalising `gain`.
     """
     if gain.ndim != 2 or gain.shape[0] != covariance.shape[-1]:
         raise ValueError(
@@ -81,7 +81,7 @@ def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
         unit_gain: Gains towards each candidate azimuth scaled to unit norm, shape (n_pulses, n_elements, n_angles).
 
     Returns:
-        Spectra, shape (n_pulses, n_angles), in [1, 1e12]; zeros for a pulse without strength.
+        Pseudo-spectra, shape (n_pulses, n_angles), in [1, 1e12]; zeros for a pulse without strength.
 
     References:
         Dir-MUSIC, eq. (15), for a gain of unit norm.
@@ -101,21 +101,21 @@ def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
 
 
 def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: int) -> FloatArray:
-    """Find the azimuths of the highest peaks of a pseudo-spectrum, refined by a parabola through its inverse.
+    """Find the azimuths of the highest peaks of a pseudo-spectrum, refined by fitting a parabola to its inverse.
 
-    Two pulses that overlap are resolved from about 10 / 15 / 30 degrees on at 20 / 10 / 0 dB. Pulses at different times
-    have no such limit: gate them one by one and estimate a bearing for each.
+    Two pulses that overlap in time are resolved if they are at least about 10, 15 or 30 degrees apart at 20, 10 or 0 dB
+    SNR. This limit does not apply to pulses at different times: gate each one and estimate its bearing.
 
     Args:
         spectrum: Result of `pseudo_spectrum` for the same number of sources, shape (..., n_angles).
-        azimuths_rad: Even steps over one turn, shape (n_angles,).
+        azimuths_rad: Azimuths, evenly spaced over one turn, shape (n_angles,).
         n_sources: Number of peaks, >= 1.
 
     Returns:
         Azimuths, shape (..., n_sources), highest peak first; NaN where there are fewer peaks.
 
     Raises:
-        ValueError: If the azimuths are not even steps over one turn, or do not match the spectrum.
+        ValueError: If the azimuths are not evenly spaced over one turn, or do not match the spectrum.
     """
     n_angles = azimuths_rad.size
     step_rad = 2 * np.pi / n_angles
@@ -142,15 +142,15 @@ def source_count(covariance: FloatArray, n_snapshots: int) -> NDArray[np.intp]:
     .. math:: \hat k = \arg\min_k \; \frac{n (N - k)}{2} \ln \frac{\bar\lambda_k}{\tilde\lambda_k}
               + \frac{k (2 N - k + 1)}{4} \ln n
 
-    with the arithmetic and the geometric mean of the N - k smallest eigenvalues. Akaike's criterion, with 2 for
-    :math:`\ln n`, gives one too many in about one of six records.
+    with the arithmetic and the geometric mean of the N - k smallest eigenvalues. Akaike's criterion, which has 2 in
+    place of :math:`\ln n`, finds one source too many in about one of six records.
 
     Args:
-        covariance: Result of `sample_covariance` in white noise of one variance, shape (..., N, N).
-        n_snapshots: Number of samples in it, >= N.
+        covariance: Result of `sample_covariance` in white noise of equal variance in all channels, shape (..., N, N).
+        n_snapshots: Number of samples from which it was computed, >= N.
 
     Returns:
-        Count, shape (...), in [0, N - 1].
+        Number of sources, shape (...), in [0, N - 1].
 
     Raises:
         ValueError: If the covariance is not square or finite, or there are too few snapshots.
@@ -174,7 +174,7 @@ def source_count(covariance: FloatArray, n_snapshots: int) -> NDArray[np.intp]:
 
 
 def _check_covariance(covariance: FloatArray) -> int:
-    """Check a covariance and return its number of elements."""
+    """Check that a covariance is square and finite, and return its number of elements."""
     n_elements = covariance.shape[-1]
     if covariance.ndim < 2 or covariance.shape[-2] != n_elements:
         raise ValueError(f"`covariance` must have shape (..., n_elements, n_elements), got {covariance.shape}")

@@ -1,4 +1,4 @@
-"""Strengths in sub-bands, and bearings from them for a pattern that depends on frequency."""
+"""Strengths in sub-bands, and estimation of bearings from them for a pattern that depends on frequency."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ FloatArray = NDArray[np.float64]
 
 
 class SubBands:
-    r"""Sub-bands in which the energies of gates are measured.
+    r"""Sub-bands in which the energy of a gate is measured.
 
     .. math:: E_b = x^T K_b x = \frac{2}{f_s} \int_{f_b}^{f_{b+1}} \lvert X(f) \rvert^2 df
 
-    with X(f) the spectrum of the samples of the gate. Over all frequencies up to half the sample rate the energies sum
-    to that of the gate. The noise of sub-bands narrower than the sample rate over the gate length is correlated.
+    where X(f) is the spectrum of the samples of the gate. If the sub-bands cover all frequencies up to half the sample
+    rate, their energies sum to that of the gate. Sub-bands narrower than sample rate / gate length have correlated
+    noise.
 
     Args:
         edges_hz: Edges of the sub-bands, increasing, shape (n_bands + 1,).
         sample_rate_hz: Sample rate.
-        n_samples: Length of a gate.
-        correlation: Correlation of the noise at lags from 0, shape (n_lags,), 1 at lag 0 and 0 beyond the last; None
-            for white noise.
+        n_samples: Length of a gate in samples.
+        correlation: Autocorrelation of the noise at lags 0, 1, ..., shape (n_lags,): 1 at lag 0, and taken as 0 beyond
+            the last lag; None for white noise.
 
     Attributes:
-        lines: Cosines and sines whose squared products with a gate sum to the energies, shape (n_bands, n_lines,
+        lines: Cosines and sines whose squared inner products with a gate sum to the energies, shape (n_bands, n_lines,
             n_samples).
-        noise_samples: Energy of noise in each sub-band over the variance of one sample, shape (n_bands,).
+        noise_samples: Energy of the noise in each sub-band over the variance of one sample, shape (n_bands,).
         energy_spread: Argument of `strength_variance` for each sub-band, shape (n_bands,).
     """
 
@@ -61,25 +62,30 @@ class SubBands:
         self.energy_spread: FloatArray = np.einsum("bij,bji->b", product, product)
 
     def noise_on(self, pulse: FloatArray) -> FloatArray:
-        """Compute `noise_on_pulse` of `strength_variance` for each sub-band and a typical pulse (n_samples,)."""
+        """Compute the argument `noise_on_pulse` of `strength_variance` for each sub-band.
+
+        Args:
+            pulse: Waveform of a typical pulse, shape (n_samples,).
+        """
         in_band = self._form @ pulse
         energy = in_band @ pulse
         return np.einsum("bi,ij,bj->b", in_band, self._noise, in_band) / energy
 
 
 MOST_TILT = 2.0
-"""Largest change of the spectrum from one sub-band to the next, nepers of power. Assumed; limits the effect of noise in
+"""Maximum change of the spectrum from one sub-band to the next, nepers of power. Assumed; limits the effect of noise in
 weak sub-bands."""
 
 
 class BandTables(NamedTuple):
-    """Manifolds of all sub-bands as a kernel reads them.
+    """Tabulated manifolds of all sub-bands, for compiled functions.
 
     Attributes:
-        gain: Gains of the lower and the upper half of each sub-band, as in `ManifoldTable`, shape (n_bands, 2,
+        gain: Gains in the lower and the upper half of each sub-band, as in `ManifoldTable`, shape (n_bands, 2,
             TABLE_SIZE, n_elements).
         slope: Slopes of these gains per radian, same shape.
-        unit: Unit gains of each sub-band towards the search azimuths, shape (n_bands, n_elements, n_azimuths).
+        unit: Gains of each sub-band towards the search azimuths, scaled to unit norm, shape (n_bands, n_elements,
+            n_azimuths).
     """
 
     gain: FloatArray
@@ -89,7 +95,7 @@ class BandTables(NamedTuple):
 
 @lru_cache(maxsize=64)
 def band_tables(manifolds: tuple[GainManifold, ...]) -> Held[BandTables]:
-    """Tabulate the manifolds of half sub-bands."""
+    """Tabulate the manifolds of the sub-band halves."""
     gain, slope = (
         np.stack(each).reshape(-1, 2, *each[0].shape) for each in zip(*(m.table[:2] for m in manifolds), strict=True)
     )
@@ -99,17 +105,17 @@ def band_tables(manifolds: tuple[GainManifold, ...]) -> Held[BandTables]:
 
 
 def sub_band_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    r"""Estimate the directions of pulses from their strengths in sub-bands, with one amplitude for each; an estimator.
+    r"""Estimate the directions of pulses from their strengths in sub-bands, with one free amplitude per sub-band.
 
     .. math:: \hat\theta = \arg\max_\theta \sum_b \frac{1}{\sigma_b^2}
               \frac{(a_b^T g_b(\theta))^2}{\lVert g_b(\theta) \rVert^2}
 
-    The spectrum of the source is free, and the pattern in each sub-band is known. If the pattern changes over the band,
-    a single manifold is right for one spectrum only, and bearings from it are biased. The slope of the spectrum within
-    a sub-band follows from the amplitudes of its neighbours: the squared gain is the mean of those of its two halves,
-    weighted accordingly.
+    This is a `BearingEstimator`. It assumes that the pattern in each sub-band is known, and nothing about the spectrum
+    of the source. If the pattern changes over the receiver's band, a single manifold is right for one spectrum only,
+    and bearings from it are biased. The slope of the spectrum within a sub-band is estimated from the amplitudes in the
+    neighbouring sub-bands; the squared gain is the mean over the two halves of the sub-band, weighted accordingly.
 
-    Without strengths in sub-bands or manifolds for them, it is the same as `maximum_likelihood`.
+    Without strengths in sub-bands or manifolds for them, the result is that of `maximum_likelihood`.
     """
     if not array.band_manifolds or 2 * pulses.band_strengths_v.shape[1] != len(array.band_manifolds):
         return maximum_likelihood(pulses, array)
@@ -121,7 +127,7 @@ def sub_band_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
 def look_up_band(
     azimuth_rad: float, tables: BandTables, b: int, upper: float, gain: FloatArray, slope: FloatArray
 ) -> None:
-    """Compute gain and slope of each element in sub-band b with the share `upper` of its power in the upper half."""
+    """Compute gain and slope of each element in sub-band b; `upper` is the share of power in the upper half of it."""
     n = gain.size
     half_gain, half_slope = np.empty(n), np.empty(n)
     gain[:], slope[:] = 0.0, 0.0
@@ -143,7 +149,12 @@ def look_up_band(
 
 @compiled_inner
 def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
-    """Compute the share of the power of each sub-band in its upper half from its neighbours; shapes (n_bands,)."""
+    """Estimate the share of power in the upper half of each sub-band from the neighbouring sub-bands.
+
+    Args:
+        power_v2: Power in each sub-band, shape (n_bands,).
+        upper: Output: the shares, same shape.
+    """
     n_bands = power_v2.size
     for b in range(n_bands):
         low, high = max(b - 1, 0), min(b + 1, n_bands - 1)
@@ -151,7 +162,7 @@ def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
         if power_v2[low] > 0.0 and power_v2[high] > 0.0 and high > low:
             tilt = np.log(power_v2[high] / power_v2[low]) / (high - low)
         tilt = min(max(tilt, -MOST_TILT), MOST_TILT)
-        upper[b] = 1.0 / (1.0 + np.exp(-0.5 * tilt))  # the halves lie half a sub-band apart
+        upper[b] = 1.0 / (1.0 + np.exp(-0.5 * tilt))  # the halves are half a sub-band apart
 
 
 @compiled_inner
@@ -171,13 +182,13 @@ def fit_bands(
         strengths: Strengths, shape (n_bands, n_elements).
         variance: Variance of the strengths, same shape.
         trust: Inverse of the mean variance in each sub-band, shape (n_bands,).
-        upper: Share of the power in the upper half of each sub-band, shape (n_bands,).
+        upper: Share of power in the upper half of each sub-band, shape (n_bands,).
         power_v2: Output: squared amplitude without the contribution of noise, shape (n_bands,).
         tables: Tables of the manifolds.
 
     Returns:
-        Gauss-Newton step times the curvature, curvature of the likelihood, variance of the first by noise, curvature
-        without the contribution of noise to the amplitudes, and weighted energy that the azimuth explains.
+        Gauss-Newton step times the curvature; curvature of the likelihood; noise variance of the first value; curvature
+        without the contribution of noise to the amplitudes; and weighted energy that the azimuth explains.
     """
     n_bands, n = strengths.shape
     gain, slope, across = np.empty(n), np.empty(n), np.empty(n)
@@ -204,16 +215,16 @@ def fit_bands(
 def bearings_of_bands(
     strengths: FloatArray, variance: FloatArray, tables: Held[BandTables], silence: tuple[float, float, float]
 ) -> Bearings:
-    """Compute maximum-likelihood directions of pulses, with their deviations and misfits.
+    """Compute maximum-likelihood directions of pulses, with their standard deviations and misfits.
 
     Args:
         strengths: Strengths, shape (n_pulses, n_bands, n_elements).
         variance: Variance of the strengths, same shape.
         tables: Tables of the manifolds.
-        silence: Azimuth, deviation and misfit of pulses without strength.
+        silence: Azimuth, standard deviation and misfit to return for pulses without strength.
 
     Returns:
-        Columns of shape (n_pulses,), azimuths in (-pi, pi].
+        Columns of shape (n_pulses,), with azimuths in (-pi, pi].
     """
     of = tables.value
     n_pulses, n_bands, n = strengths.shape

@@ -1,1 +1,1 @@
-"""Detected pulses: strengths, records, and kinds of discharges."""
+"""Detected pulses: strengths, tables of pulses, and kinds of discharges."""

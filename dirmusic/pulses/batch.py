@@ -1,4 +1,4 @@
-"""Records of detected pulses and of their directions of arrival."""
+"""Tables of detected pulses and of their directions of arrival."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 NO_DIRECTION = (0.0, np.pi, 1.0)
-"""Azimuth, deviation and misfit of a pulse without any strength; tables of pulses hold no NaN."""
+"""Azimuth, standard deviation and misfit of a pulse whose strengths are all 0; a `PulseBatch` never holds NaN there."""
 
 
 class PulseBatch(NamedTuple):
     """Pulses that a receiver has detected, one per row, in order of time.
 
-    The receiver fills all columns but the direction. The bearing estimator adds azimuth, deviation and misfit, and the
-    channel monitor the usable channels.
+    The receiver fills all columns except those of the direction. The bearing estimator adds azimuth, standard deviation
+    and misfit, and the channel monitor adds `is_usable`.
 
     Attributes:
         time_s: Time of the trigger, shape (n_pulses,).
-        strengths_v: Root of the energy above the noise, shape (n_pulses, n_elements), volts, >= 0.
+        strengths_v: Square root of the energy in excess of the noise, shape (n_pulses, n_elements), volts, >= 0.
         variance_v2: Noise variance of the strengths, shape (n_pulses, n_elements), V^2.
         azimuth_rad: Direction of arrival, array frame, in (-pi, pi], shape (n_pulses,).
-        std_rad: Standard deviation of the direction by noise, shape (n_pulses,); pi for a pulse without strength.
-        misfit: Share of the energy that a single direction does not explain, in [0, 1], shape (n_pulses,).
+        std_rad: Standard deviation of the direction as the estimator reports it, shape (n_pulses,); pi for a pulse
+            without strength.
+        misfit: Fraction of the energy that no single direction explains, in [0, 1], shape (n_pulses,).
         is_usable: True for each channel that is not faulty, shape (n_pulses, n_elements).
-        mains_phase_rad: Phase of the mains at the receiver at the trigger, in [0, 2 pi), shape (n_pulses,); NaN where
-            it was not recorded.
+        mains_phase_rad: Mains phase at the receiver at the time of the trigger, in [0, 2 pi), shape (n_pulses,); NaN
+            where it was not recorded.
         is_clipped: True for each channel that reached full scale of the ADC, shape (n_pulses, n_elements).
-        band_strengths_v: Strengths in sub-bands, shape (n_pulses, n_bands, n_elements), volts; n_bands is 0 where the
-            receiver does not measure them.
+        band_strengths_v: Strengths in sub-bands, shape (n_pulses, n_bands, n_elements), volts; n_bands is 0 if the
+            receiver does not measure sub-bands.
         band_variance_v2: Noise variance of the strengths in sub-bands, same shape, V^2.
     """
 
@@ -60,7 +61,7 @@ class PulseBatch(NamedTuple):
         band_strengths_v: FloatArray | None = None,
         band_variance_v2: FloatArray | None = None,
     ) -> Self:
-        """Make pulses without a direction, with all channels usable; arguments as the attributes of the class."""
+        """Create pulses without a direction and with all channels usable; arguments as the attributes of the class."""
         n, shape = time_s.size, strengths_v.shape
         azimuth_rad, std_rad, misfit = NO_DIRECTION
         no_bands = np.empty((n, 0, strengths_v.shape[1]))
@@ -80,7 +81,7 @@ class PulseBatch(NamedTuple):
 
     @classmethod
     def room(cls, n_pulses: int, n_elements: int, n_bands: int = 0) -> Self:
-        """Allocate pulses, to be filled by a kernel."""
+        """Allocate arrays of pulses, to be filled by a compiled function."""
         shape = n_pulses, n_elements
         return cls(
             np.empty(n_pulses),
@@ -128,7 +129,7 @@ class PulseBatch(NamedTuple):
         return type(self)(*columns)
 
     def without_bands(self) -> Self:
-        """Drop the sub-bands, which only the bearing estimator uses."""
+        """Return the pulses without sub-bands, which only the bearing estimator uses."""
         none = np.empty((self.n_pulses, 0, self.strengths_v.shape[1]))
         return self._replace(band_strengths_v=none, band_variance_v2=none)
 
@@ -145,11 +146,12 @@ class PulseBatch(NamedTuple):
 
 
 LEAST_SHARE = 0.01
-"""Smallest share of the pooled energy that counts as signal where noise hides it. Assumed; bounds the deviation."""
+"""Minimum fraction of the pooled energy that is taken as signal, however weak the pulse is. Assumed; it bounds the
+standard deviation."""
 
 UNKNOWN_STD_RAD = np.pi / np.sqrt(3)
-"""Deviation of a direction that is uniform on the circle: the largest that an estimator states for a pulse with any
-strength."""
+"""Standard deviation of a direction that is uniform on the circle: the largest that an estimator reports for a pulse
+whose strengths are not all 0."""
 
 
 class Bearings(NamedTuple):
@@ -157,10 +159,11 @@ class Bearings(NamedTuple):
 
     Attributes:
         azimuth_rad: Directions in (-pi, pi], shape (...); NaN where all strengths are zero.
-        std_rad: Standard deviations, shape (...). They include noise alone, unless a prior on the manifold was given:
-            an error of the manifold is common to all pulses from one direction. NaN if neither was given.
-        misfit: Shares of the energy that no single direction explains, in [0, 1], shape (...). Large where two sources
-            overlap, a channel is dead, or there is only noise.
+        std_rad: Standard deviations, shape (...). They include only noise unless a prior of the manifold errors was
+            given, because these errors are common to all pulses from one direction. NaN if neither the noise nor a
+            prior was given.
+        misfit: Fraction of the energy that no single direction explains, in [0, 1], shape (...). It is large where two
+            sources overlap, a channel is dead, or there is only noise.
     """
 
     azimuth_rad: FloatArray
