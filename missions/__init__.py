@@ -1,3 +1,3 @@
-"""Who drives, and what is left afterwards: policies, runner, log, report, recording, command line."""
+"""Missions: policies, the mission loop, logs, reports, recordings, exports, sweeps and the command line."""
 
 __all__: list[str] = []

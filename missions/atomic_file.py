@@ -10,7 +10,7 @@ from pathlib import Path
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path next to `path`; rename it to `path` when the block ends, remove it after an error.
+    """Yield a temporary path next to `path`; rename it to `path` when the block ends, or remove it after an error.
 
     The file must be closed by the end of the block.
 

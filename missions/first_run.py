@@ -13,7 +13,7 @@ TIME_LIMIT_S = 60.0
 
 
 def compile_at_first_run(console: Console) -> None:
-    """Run a short mission that calls every kernel, with a message, unless all kernels are kept on disk already."""
+    """Print a message and run a short mission that calls every kernel, unless all kernels are cached on disk."""
     if is_cache_complete():
         return
     with console.status("Compiling for the first run, about 40 s ..."):

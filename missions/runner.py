@@ -38,7 +38,7 @@ PART_S = 30.0
 
 
 class Stopwatch:
-    """Measures wall time by activity, from its construction on.
+    """Stopwatch of the wall time by activity, from its construction on.
 
     Attributes:
         spent_s: Seconds by activity, in the order in which each began.
@@ -216,7 +216,7 @@ class Mission:
         self.log.event("error", str(error))
 
     def _log_events(self, info: dict[str, Any]) -> None:
-        """Log contacts, visited waypoints and waypoints given up, each when it begins."""
+        """Log contacts, visited waypoints and waypoints given up, each in the step in which it begins."""
         visited = (np.flatnonzero(info["waypoints_visited"]) + 1).tolist()
         happened: list[tuple[EventKind, str, int, str]] = [
             *(("contact", f"touched {name}", 0, name) for name in sorted(info["touched_names"])),
@@ -230,7 +230,7 @@ class Mission:
 
 
 def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
-    """Make the Locator of the scenario. It knows array, fence and map as planned, never the truth.
+    """Make the Locator of the scenario. It is given the array, fence and map as planned, never the truth.
 
     Raises:
         UserCodeError: If it is a user's Locator and cannot be loaded or made.

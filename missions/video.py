@@ -45,7 +45,7 @@ MAX_BEARINGS = 10
 
 
 class FilmError(OSError):
-    """Reason why this machine cannot make a film."""
+    """Raised if this machine cannot make a film; the message is the reason."""
 
 
 def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callable[[float], None]) -> None:
@@ -54,7 +54,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
     Args:
         log: Log of a simulated mission.
         path: File to write; its name ends in .mp4 or .gif.
-        pace: Simulated seconds per second of the film; None for a film of some 20 s.
+        pace: Simulated seconds per second of the film; None for a film of about 20 s.
         progress: Function called with the finished share.
 
     Raises:
@@ -66,14 +66,14 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
     if "scenario" not in log.meta or time_s.size == 0:
         raise ValueError("the log is not of a simulated mission; only a robot in its yard can be filmed")
     try:
-        from imageio.v2 import get_writer  # an extra of the installation
+        from imageio.v2 import get_writer  # an optional dependency
     except ImportError:
         raise FilmError('imageio is missing; install it: pip install "pdpatrol[video]"') from None
     kind, rate = path.suffix.lower(), 10
     frame_s = (pace or max(float(time_s[-1]) / CLIP_S, 1.0)) / rate
     steps = np.append(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], frame_s)), time_s.size - 1)
     options: dict[str, Any] = {"duration": 1000 / rate, "loop": 0} if kind == ".gif" else {"fps": rate}
-    with TemporaryDirectory() as folder:  # the encoder takes the format from the name of the file
+    with TemporaryDirectory() as folder:  # the encoder chooses the format by the file name
         file = Path(folder) / f"film{kind}"
         writer: Any
         try:
@@ -110,7 +110,7 @@ def film_frames(log: MissionLog, steps: NDArray[np.intp], bearing_s: float, dpi:
     draw_yard(plan, scenario.yard)
     draw_waypoints(plan, log.meta["route"])
     pose, true_pose = log.column("step", "pose"), log.column("step", "true_pose")
-    # The camera follows the heading over some 4 s, without quick turns.
+    # The camera follows the heading over about 4 s, without quick turns.
     view_rad = gaussian_filter1d(np.unwrap(true_pose[:, 2]), 2.0 / STEP_S, mode="nearest")
     pictures = pictures_from_behind(
         build_spec(scenario.robot.description, scenario.yard).compile(), true_pose[steps], view_rad[steps]
@@ -139,7 +139,7 @@ def film_frames(log: MissionLog, steps: NDArray[np.intp], bearing_s: float, dpi:
 
 
 def latest_bearings(log: MissionLog, step: int, max_age_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return places (n, 2) and bearings (n,) of the latest pulses up to a step."""
+    """Return robot positions (n, 2) and bearings (n,) of the latest pulses up to a step."""
     stop = log.rows_before("bearing", step + 1)
     start = max(stop - MAX_BEARINGS, 0)
     pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse", start, stop)]

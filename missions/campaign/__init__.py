@@ -1,1 +1,1 @@
-"""Repeated inspections of one yard: discharges that are new, grown or gone."""
+"""Repeated inspections of one yard: discharges that are new, have grown or are gone."""

@@ -1,4 +1,4 @@
-"""Inspections of one yard, from logs of missions or field data, and which of their findings are the same discharge."""
+"""Inspections of one yard, read from logs of missions or field data, and grouping of their findings by discharge."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ FloatArray = NDArray[np.float64]
 
 REPEAT_STD_M = 0.1
 """Standard deviation of each coordinate from one inspection to the next, in addition to the covariances of the
-findings. Assumed; it stands for errors of the map and for reflections that all pulses of a mission share."""
+findings. Assumed; it covers errors of the map and reflections that affect all pulses of a mission alike."""
 
 
 CANDIDATE_STD_M = 1.0
-"""Largest standard deviation of a candidate along any axis for it to be joined to a discharge. Assumed; a candidate
-with a larger one is compatible with any discharge nearby."""
+"""Largest standard deviation of a candidate along any axis for it to be joined to a discharge. Assumed; a less certain
+candidate would match any discharge nearby."""
 
 
 class LocatedFinding(NamedTuple):
@@ -63,14 +63,14 @@ class InspectionLog:
         day: Date of the inspection, such as 2026-03-02.
         name: Name of the scenario.
         bounds_m: South-west and north-east corner of the ground, shape (2, 2).
-        yard: Yard as the map has it; None without a map.
+        yard: Yard as shown on the map; None without a map.
         is_field_data: True for field data, which have no map and one step for each pose.
         manifold: Manifold of the array according to its data sheet.
         array_height_m: Height of the array above the ground.
         pose: Pose at each step: x m, y m, yaw rad, world frame, shape (n, 3).
         time_s: End of each step, shape (n,).
-        pulses: All pulses: `step`, `is_clipped`, `strength_v`, and for those with a bearing `std_rad` and the id
-            `finding`.
+        pulses: All pulses, with columns `step`, `is_clipped` and `strength_v`, and for pulses with a bearing also
+            `std_rad` and `finding`, the id of the finding.
         findings: Confirmed findings and candidates at the end.
     """
 
@@ -89,7 +89,7 @@ class InspectionLog:
 
     @classmethod
     def of(cls, folder: Path, log: MissionLog) -> InspectionLog:
-        """Extract the data of a trend from a log.
+        """Extract the data that a trend needs from a log.
 
         Raises:
             ValueError: If the log is incomplete, has no date, or has damaged metadata.
@@ -132,8 +132,8 @@ def read_inspections(folders: Sequence[Path]) -> list[InspectionLog]:
         folders: Folders of missions in any order.
 
     Raises:
-        InputFileError: With a line for each folder that cannot be used, is given twice, or is of another yard; or if
-            there are fewer than two dates.
+        InputFileError: If a folder cannot be used, is given twice, or belongs to another yard (the message has a line
+            for each such folder); or if there are fewer than two dates.
     """
     inspections, errors, yard = dict[Path, InspectionLog](), list[str](), None
     for folder in folders:
@@ -161,7 +161,7 @@ def read_inspections(folders: Sequence[Path]) -> list[InspectionLog]:
 
 
 def mean_position(findings: Iterable[LocatedFinding]) -> tuple[FloatArray, FloatArray]:
-    """Average positions, weighted by their covariances.
+    """Average positions, weighted by the inverses of their covariances.
 
     Returns:
         Position, shape (3,), and its covariance, shape (3, 3).
@@ -173,17 +173,17 @@ def mean_position(findings: Iterable[LocatedFinding]) -> tuple[FloatArray, Float
 
 
 def join_findings(inspections: Sequence[Sequence[LocatedFinding]]) -> list[dict[int, LocatedFinding]]:
-    """Join findings of several inspections that are the same discharge.
+    """Group the findings of several inspections by discharge.
 
     A discharge has at most one finding in each inspection, and each confirmed finding belongs to one discharge.
-    Confirmed findings are joined first, inspection by inspection; a candidate is then joined to a discharge that has no
-    finding in its inspection, and never makes a discharge.
+    Confirmed findings are grouped first, one inspection after the other. A candidate is then added to a discharge that
+    has no finding in the same inspection; it never starts a new discharge.
 
     Args:
-        inspections: Findings of each inspection, by date.
+        inspections: Findings of each inspection, in order of date.
 
     Returns:
-        For each discharge its findings by the number of the inspection.
+        For each discharge, its findings by the index of their inspection.
     """
     joined = list[dict[int, LocatedFinding]]()
     for state, max_std_m in (("confirmed", np.inf), ("candidate", CANDIDATE_STD_M)):
@@ -205,14 +205,14 @@ def join_findings(inspections: Sequence[Sequence[LocatedFinding]]) -> list[dict[
 def _match(
     joined: Sequence[dict[int, LocatedFinding]], findings: Sequence[LocatedFinding]
 ) -> dict[int, dict[int, LocatedFinding]]:
-    """Assign findings to discharges, each at most once, with the least sum of squared distances within the gate."""
+    """Assign findings to discharges one to one, with the smallest sum of squared distances within the gate."""
     squares = np.empty((len(findings), len(joined)))
     for column, found in enumerate(joined):
         place_m, covariance_m2 = mean_position(found.values())
         for row, finding in enumerate(findings):
             off_m = finding.position_m - place_m
             squares[row, column] = off_m @ np.linalg.solve(finding.repeat_covariance_m2 + covariance_m2, off_m)
-    gate = chi2.ppf(0.999, 3)  # one finding in a thousand is split from its discharge
+    gate = chi2.ppf(0.999, 3)  # excludes one in a thousand findings of the same discharge
     rows, columns = linear_sum_assignment(np.where(squares <= gate, squares, 1e9))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {row: joined[column] for row, column in pairs if squares[row, column] <= gate}

@@ -23,14 +23,14 @@ class Observation(ReportPart):
     date: str
     """Date of the inspection, such as 2026-03-02."""
     presence: Literal["found", "absent", "not inspected"]
-    """Absent: not found, although it would have been with the level and rate of the nearest date."""
+    """Absent: not found, although it would have been found at the level and rate of the nearest date."""
     finding_id: int | None
-    """Number of the finding in log and report of the run; null without one."""
+    """Id of the finding in the log and report of the run; null without a finding."""
     is_confirmed: bool
     """Whether that finding is confirmed; otherwise it is a candidate."""
     level_db: TrendInterval | None
-    """Strength of its pulses at 1 m, decibels over one volt, mean of the middle half; null if too few were received
-    nearby in line of sight."""
+    """Strength of its pulses at 1 m, decibels relative to one volt, interquartile mean; null if too few pulses were
+    received nearby in line of sight."""
     rate_hz: TrendInterval | None
     """Pulses per second; null for field data."""
     n_pulses: Count
@@ -54,7 +54,7 @@ class TrackedDischarge(ReportPart):
     number: int
     """Number from 1, in the order of growth."""
     site: str
-    """Most probable site, in words; the position without a map."""
+    """Most probable site in words; without a map, the position."""
     position_m: Point
     """x, y, z, world frame, metres."""
     semi_major_m: Length
@@ -62,13 +62,13 @@ class TrackedDischarge(ReportPart):
     status: Literal["new", "standing", "gone"]
     """New: absent before it was found. Gone: absent when it was last inspected."""
     verdict: Literal["grown", "constant", "declined", "not clear", "too few dates"]
-    """Change of the level, by the 99 % interval of its slope."""
+    """Change of the level, judged by the 99 % confidence interval of its slope."""
     level: LinearTrend | None
-    """Line through decibels over one volt at 1 m; null with fewer than three dates."""
+    """Line through the levels at 1 m, decibels relative to one volt; null with fewer than three dates."""
     rate: LinearTrend | None
-    """Line through the natural logarithm of pulses per second; null with fewer than three dates."""
+    """Line through the natural logarithms of the pulses per second; null with fewer than three dates."""
     observations: tuple[Observation, ...]
-    """One for each inspection, by date."""
+    """One for each inspection, in order of date."""
 
 
 class Trend(ReportPart):

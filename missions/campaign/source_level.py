@@ -17,41 +17,42 @@ from pdpatrol.sensing.radio.transmission import Sight
 
 FloatArray = NDArray[np.float64]
 
-# The sensitivities below are those of weak sources in synthetic surveys, where half of the pulses from 9 m are missing.
+# The sensitivities below were measured for weak sources in synthetic surveys, where half of the pulses sent from 9 m
+# away are not detected.
 
 NEAR_M = 10.0
-"""Distance from which pulses are used. Measured: reflections bias the level by up to 1 dB within 10 m and by up to 4 dB
-beyond 15 m. Without reflections, levels change by less than 0.4 dB between 7 and 20 m."""
+"""Largest distance at which pulses are used. Measured: reflections bias the level by up to 1 dB within 10 m and by up
+to 4 dB beyond 15 m. Without reflections, levels change by less than 0.4 dB between 7 and 20 m."""
 
 SQUARE_M = 1.0
-"""Side of the squares of the ground within which pulses fade together. Assumed; levels change by less than 0.8 dB
-between 0.5 and 2 m, and their standard deviation by a factor of 0.6 to 3."""
+"""Side of the squares of ground within which all pulses fade alike. Assumed; levels change by less than 0.8 dB between
+0.5 and 2 m, and their standard deviation by a factor of 0.6 to 3."""
 
 FLOOR_RATIO = 2.0
-"""Strength from which all pulses are detected, over the weakest strength with a valid bearing. Assumed; levels
-change by less than 0.5 dB at 1.5, and by 1 dB at 3, where too few pulses are left."""
+"""Ratio of the strength above which all pulses are detected to the weakest strength with a valid bearing. Assumed;
+levels change by less than 0.5 dB at 1.5, and by 1 dB at 3, where too few pulses remain."""
 
 CLIPPED_SHARE = 0.05
 """Share of clipped pulses above which a square is not used, because locating discards clipped pulses. Assumed; a source
 without clipped pulses is not affected."""
 
 FADING_STD_DB = 2.0
-"""Least standard deviation of the level in one square. Measured: 1 to 3 dB."""
+"""Smallest standard deviation of the level in one square. Measured: 1 to 3 dB."""
 
 ARRAY_STD_DB = 0.2
-"""Standard deviation of the level by gain errors: 5 % in each of six elements."""
+"""Standard deviation of the level due to gain errors of 5 % in each of six elements."""
 
 MIN_AT_RISK = 0.1
 """Share of the pulses that must be comparable at a level for the product-limit estimate to start there. Assumed;
-nothing changes at 0.05, and levels of sources near the detection limit rise by 3 dB at 0.2."""
+results do not change at 0.05, and levels of sources near the detection limit rise by 3 dB at 0.2."""
 
 
 class SourceLevel(NamedTuple):
     """Level and rate of a discharge in one inspection.
 
     Attributes:
-        level_db: Strength of the pulses at 1 m, dB over 1 V, mean of the middle half.
-        level_std_db: Standard deviation of the level by fading, position and gains of the array.
+        level_db: Strength of the pulses at 1 m, dB relative to 1 V, interquartile mean.
+        level_std_db: Standard deviation of the level due to fading and the errors of position and array gains.
         log_rate: Natural logarithm of the pulses per second; per pose for field data, whose waiting time is unknown.
         log_rate_std: Standard deviation of `log_rate`.
         n_pulses: Number of pulses used.
@@ -65,10 +66,10 @@ class SourceLevel(NamedTuple):
 
 
 def loss_db(inspection: InspectionLog, position_m: FloatArray, pose: FloatArray) -> FloatArray:
-    """Compute the loss of strength by distance and gain, relative to 1 m.
+    """Compute the loss of strength due to distance and array gain, relative to 1 m.
 
     Args:
-        inspection: Inspection with the array.
+        inspection: Inspection made with the array.
         position_m: Position of the source, world frame, shape (3,).
         pose: Poses of the robot, shape (n, 3).
     """
@@ -84,7 +85,7 @@ def _array_positions_m(inspection: InspectionLog, pose: FloatArray) -> FloatArra
 
 
 def floor_db(inspection: InspectionLog) -> float:
-    """Estimate the strength above which all pulses were detected, dB over 1 V; infinite without pulses."""
+    """Estimate the strength above which all pulses were detected, dB relative to 1 V; infinite without pulses."""
     strength_v, std_rad = inspection.pulses[["strength_v", "std_rad"]].to_numpy().T
     if np.isnan(std_rad).all():
         return np.inf
@@ -93,11 +94,12 @@ def floor_db(inspection: InspectionLog) -> float:
 
 
 def steps_near(inspection: InspectionLog, position_m: FloatArray) -> pd.DataFrame:
-    """Select the steps with a place near and in line of sight by the map.
+    """Select the steps at which the robot is near a position and, according to the map, has a line of sight to it.
 
     Returns:
-        Rows by the number of the step: `square`, number of the square of the ground by the first visit; `duration_s`, 1
-        for field data; `loss_db`, see there; and `aspect_rad`, direction from the place.
+        Table indexed by step, with the columns `square`, number of the square of ground in order of the first visit;
+        `duration_s`, 1 for field data; `loss_db`, as returned by the function of this name; and `aspect_rad`, direction
+        from the position to the robot.
     """
     pose, duration_s = inspection.pose, np.diff(inspection.time_s, prepend=0.0)
     away_m = pose[:, :2] - position_m[:2]
@@ -129,7 +131,7 @@ def source_level(inspection: InspectionLog, finding: LocatedFinding) -> SourceLe
     level_db = 20 * np.log10(pulses["strength_v"]) + pulses["loss_db"]
     pulses = pulses.assign(level_db=level_db, least_db=floor_db(inspection) + pulses["loss_db"])
     pulses = pulses[pulses["level_db"] >= pulses["least_db"]]
-    if len(pulses) < 20:  # as many as confirm a finding
+    if len(pulses) < 20:  # the number that confirms a finding
         return None
     spent_s = near.groupby("square")["duration_s"].sum()
     squares = spent_s.index.to_list()
@@ -137,8 +139,8 @@ def source_level(inspection: InspectionLog, finding: LocatedFinding) -> SourceLe
     def estimate(left_out: Sequence[int]) -> tuple[float, float]:
         """Estimate level and logarithm of the rate without some squares; each square has the same weight.
 
-        The level is the mean of the middle half of all levels: robust to outliers, unlike the mean, and continuous when
-        one of two clusters gains a few pulses, unlike the median. The rate includes pulses that were not detected.
+        The level is the interquartile mean of all levels: robust to outliers, unlike the mean, and continuous when one
+        of two clusters gains a few pulses, unlike the median. The rate includes pulses that were not detected.
         """
         kept = pulses[~pulses["square"].isin(left_out)]
         if kept.empty:
@@ -177,8 +179,8 @@ def product_limit(level_db: FloatArray, least_db: FloatArray, weight: FloatArray
 
     Args:
         level_db: Observed levels, shape (n,), n >= 1.
-        least_db: Least level that would have been observed in place of each, shape (n,).
-        weight: Weight of each, shape (n,), independent of its level.
+        least_db: Lowest level at which each would still have been observed, shape (n,).
+        weight: Weight of each, independent of its level, shape (n,).
 
     Returns:
         Ascending levels and their probabilities, both of the same shape.
@@ -198,7 +200,7 @@ def product_limit(level_db: FloatArray, least_db: FloatArray, weight: FloatArray
 
 
 def _position_std_db(inspection: InspectionLog, finding: LocatedFinding, pose: FloatArray) -> float:
-    """Return the standard deviation of the level by the position, from shifts along the axes of its ellipsoid."""
+    """Return the standard deviation of the level due to the position error, from shifts along the ellipsoid's axes."""
     variances, axes = np.linalg.eigh(finding.covariance_m2)
     shifts_m = (np.sqrt(np.maximum(variances, 0.0)) * axes).T
     here = loss_db(inspection, finding.position_m, pose)

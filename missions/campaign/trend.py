@@ -23,21 +23,21 @@ from pdpatrol.missions.record.which_site import in_words, site_probabilities
 FloatArray = NDArray[np.float64]
 
 UPPER_QUANTILE = 0.995
-"""Upper end of 99 % intervals: with many sites and campaigns, one false alarm in twenty would be too many."""
+"""Quantile at the upper end of 99 % intervals; 95 % would give too many false alarms over many sites and campaigns."""
 
 MIN_EXPECTED_PULSES = 50.0
-"""Number of pulses that a discharge must have sent to places where they are detected for its site to count as
-inspected. Assumed; 20 pulses confirm a finding, but not every pulse gives a bearing."""
+"""Expected number of detectable pulses from which the site of a discharge counts as inspected. Assumed; 20 pulses
+confirm a finding, but not every pulse gives a bearing."""
 
 MAX_CHANGE_DB_PER_WEEK = 3.0
-"""Largest change per week that the interval of a constant discharge may include. Assumed; it is 12 dB in a month."""
+"""Largest change per week that the interval of a constant discharge may include. Assumed; equal to 12 dB in a month."""
 
 
 def make_trend(inspections: Sequence[InspectionLog]) -> Trend:
     """Make the trend of a campaign.
 
     Args:
-        inspections: At least one inspection, by date, all of one yard.
+        inspections: Inspections of one yard in order of date, at least one.
     """
     weakest_db = min(floor_db(each) for each in inspections)
     joined = join_findings([each.findings for each in inspections])
@@ -59,16 +59,16 @@ def _urgency(discharge: TrackedDischarge) -> tuple[bool, float]:
 def _discharge(
     found: Mapping[int, LocatedFinding], inspections: Sequence[InspectionLog], weakest_db: float
 ) -> TrackedDischarge:
-    """Describe a discharge by its findings in some of the inspections.
+    """Describe a discharge from its findings in some of the inspections.
 
     Args:
-        found: Findings by the number of the inspection.
+        found: Findings by the index of their inspection.
         inspections: All inspections.
-        weakest_db: Strength above which some inspection detected all pulses, dB over 1 V.
+        weakest_db: Strength above which the most sensitive inspection detected all pulses, dB relative to 1 V.
     """
     position_m, covariance_m2 = mean_position(found.values())
     levels = {k: level for k in sorted(found) if (level := source_level(inspections[k], found[k])) is not None}
-    ratio = float(norm.ppf(UPPER_QUANTILE))  # of half an interval to the standard deviation
+    ratio = float(norm.ppf(UPPER_QUANTILE))  # half-width of the interval over the standard deviation
     observations = list[Observation]()
     for k, inspection in enumerate(inspections):
         finding, level, presence = found.get(k), levels.get(k), "found"
@@ -115,8 +115,8 @@ def _discharge(
 def _would_be_found(level: SourceLevel, inspection: InspectionLog, position_m: FloatArray, weakest_db: float) -> bool:
     """Return whether an inspection would have found a discharge of a given level and rate.
 
-    This takes enough detected pulses from nearby, with lines of sight that spread as wide as confirmation requires.
-    Field data cannot show it, because they contain only what triggered.
+    It would if enough of its pulses were detectable nearby, over the aperture that confirmation requires. Field data
+    cannot show this, because they contain only poses at which a pulse triggered the receiver.
     """
     near: Any = steps_near(inspection, position_m)
     detecting = near[level.level_db - near["loss_db"] >= weakest_db]
@@ -141,8 +141,8 @@ def fit_line(week: FloatArray, value: FloatArray, std: FloatArray) -> LinearTren
 
     .. math:: \sum_i \frac{(y_i - a - b t_i)^2}{s_i^2 + \tau^2} = n - 2,
 
-    or 0 if they are smaller. Because few residuals determine :math:`\tau` poorly, the interval of the slope takes the
-    quantile of Student's t with n - 2 degrees of freedom.
+    or 0 if the residuals are smaller than that. Because few residuals determine :math:`\tau` poorly, the interval of
+    the slope takes the quantile of Student's t with n - 2 degrees of freedom.
 
     Args:
         week: Times, shape (n,).

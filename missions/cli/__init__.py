@@ -25,7 +25,7 @@ VERBS = {
     "sweep": "run many missions in parallel",
     "results": "summarise the results of sweeps",
 }
-"""Verbs and what they do; each is a function of the same name in a module of the same name."""
+"""Verbs and their help texts; each verb is a function in a module, both with the name of the verb."""
 
 
 def main() -> None:
@@ -43,8 +43,8 @@ def main() -> None:
             sys.exit(USAGE_ERROR)
         else:
             if verb == "replay" and sys.platform == "linux" and any(word.startswith("--video") for word in arguments):
-                os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
-            # Takes a second, which the help of all verbs does not need.
+                os.environ.setdefault("MUJOCO_GL", "egl")  # to render without a screen; MuJoCo reads it when imported
+            # Imported here because it takes a second and `pdpatrol --help` does not need it.
             from pdpatrol.missions.cli.arguments import call_verb
 
             call_verb(getattr(import_module(f"{__name__}.{verb}"), verb), arguments)

@@ -20,7 +20,7 @@ Settings = Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(n
 
 
 def call_verb(function: Callable[..., None], arguments: Sequence[str]) -> None:
-    """Parse arguments and call the function of a verb; invalid input is one line per error and exit status 2."""
+    """Parse arguments and call the function of a verb; on invalid input, print one line per error and exit with 2."""
     prog = f"pdpatrol {function.__name__}"
     checked = validate_call(config=ConfigDict(revalidate_instances="always"))(function)
     try:

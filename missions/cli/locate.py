@@ -30,28 +30,29 @@ Positive = Annotated[float, Field(ge=1e-12, le=1e6)]
 
 @dataclass(frozen=True)
 class SurveyOptions:
-    """Array and receiver that took the data, poses, yard and date of the survey.
+    """Array and receiver of the survey, its pose errors, yard and date.
 
     Attributes:
         pattern: Measured pattern of one element: .csv with angle_deg and gain or gain_db, .msi or .pln. Default: eq.
             (1) of the Dir-MUSIC paper.
         boresights_deg: Azimuth of each channel's element, counter-clockwise from straight ahead. Default: a ring of
-            six, 90 30 -30 -90 -150 150, or its first four; for other numbers an even ring from 90 on, clockwise.
+            six, 90 30 -30 -90 -150 150, or its first four; for other numbers of channels, an evenly spaced ring,
+            clockwise from 90.
         ring_radius_m: Radius of the ring of elements.
         height_m: Height of the elements above the ground.
         gain_error: Relative standard deviation of the gains from the data sheet.
         pointing_error_deg: Standard deviation of the boresights.
-        gain_offset: Half width of uniform additions to the gains.
+        gain_offset: Half-width of a uniform error that is added to each gain.
         noise_v: Standard deviation of a strength, if the table has no std_1 ..., or of a noise sample of a waveform, if
             no noise was recorded outside the pulse.
         gate_ns: Length of the gate that is cut out of a waveform.
-        calibration: calibration.toml written from earlier data of this very array. The errors of the array that it
-            holds are used until the pulses contradict them, and a new file is written.
+        calibration: calibration.toml written from earlier data of the same array. The array errors that it contains are
+            used until the pulses contradict them, and a new file is written.
         position_std_m: Standard deviation of the poses' x and y.
         heading_std_deg: Standard deviation of their heading.
         pose_correlation_s: Correlation time of the errors of the poses.
         yard_m: Length of the yard along x and y from its corner at 0 0; findings outside are marked.
-        date: Date of the survey, by which `pdpatrol trend` sorts. Default: today.
+        date: Date of the survey, which `pdpatrol trend` sorts by. Default: today.
     """
 
     pattern: Path | None = None
@@ -79,15 +80,15 @@ def locate(
     json_output: JsonOutput = False,
     timing: bool = False,
 ) -> None:
-    """Locate discharges in field data; write log, report and recording as those of a mission.
+    """Locate discharges in field data, and write the log, report and recording as for a mission.
 
     The table has the columns time_s, x_m, y_m, yaw_deg (counter-clockwise from x) and, one pulse per row, strength_1 to
     strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file next to the table: .npz with
     waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
-    .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg the kind of discharge is classified.
+    .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg, the kind of discharge is classified.
 
     Args:
-        table: The table.
+        table: CSV table of the survey.
         survey: Array, receiver, poses, yard and date.
         out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
         json_output: Print the report as JSON instead of a table.

@@ -1,4 +1,4 @@
-"""Write the files of a mission, and print what they say."""
+"""Files of a mission: reading, writing, and printing their content."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pdpatrol.missions.runner import Stopwatch
 
 
 def load_log(folder: Path) -> MissionLog:
-    """Load the log of a mission, or refuse the folder."""
+    """Load the log of a mission; print an error and exit if the folder has none."""
     if not folder.is_dir():
         refuse(f"{folder}: no such folder; give the folder of a mission")
     try:
@@ -39,7 +39,7 @@ def load_log(folder: Path) -> MissionLog:
 def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     """Write log, calibration, report and recording of a mission, complete or cut short.
 
-    The calibration is written if the mission has learned errors of the array; the recording if Rerun is installed.
+    The calibration is written if the mission has estimated the array errors; the recording, if Rerun is installed.
 
     Args:
         log: The mission.
@@ -92,14 +92,14 @@ def print_json(report: Report) -> None:
 
 
 def print_findings(report: Report) -> None:
-    """Print findings, or a summary of a mission without any, and candidates."""
+    """Print findings, or a summary if there are no findings, and candidates."""
     out.print(findings_table(report) if report.findings else summary_text(report), soft_wrap=not report.findings)
     if report.candidates:
         out.print(candidates_table(report))
 
 
 def print_plausibility(scenario: Scenario) -> None:
-    """Note what in a scenario is probably not intended; it is used all the same."""
+    """Print notes on values in a scenario that are probably not intended; they are used nevertheless."""
     for text in plausibility(scenario):
         note(text)
 
@@ -113,7 +113,7 @@ def print_times(stopwatch: Stopwatch) -> None:
 
 
 def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
-    """Print the report as JSON, or findings, doubts about the array, lines on the course, and the files written."""
+    """Print the report as JSON, or print findings, problems of the array, the given lines, and the files written."""
     if json_output:
         print_json(report)
         return

@@ -27,7 +27,7 @@ def plan(
 ) -> None:
     """Plan a patrol on the map of a yard: a short tour that covers every site, and which sites cannot be covered.
 
-    A site is covered where its discharges are in sight, near enough and over enough aperture to be confirmed. Writes
+    A site is covered if the tour has it in sight, near enough and over an aperture wide enough to confirm it. Writes
     plan.png, plan.json, and route.toml, which replaces [route] in a scenario file. With `waypoints_m = "planned"`
     there, a mission makes the same plan for the default amplitude when it starts.
 

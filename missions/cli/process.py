@@ -1,6 +1,6 @@
-"""How a command ends: by signals, errors of the operating system, and missing libraries.
+"""Exit of a command after signals, operating-system errors, and missing libraries.
 
-This module loads nothing heavy, so that signals are handled from the start.
+This module imports nothing that loads slowly, so that signals are handled from the start.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from types import FrameType
 from typing import NoReturn, TextIO
 
 FAILED, USAGE_ERROR = 1, 2
-"""Exit statuses; after a signal it is 128 and the number of the signal."""
+"""Exit statuses; after a signal, the status is 128 plus the number of the signal."""
 
 SIGNALS: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -25,10 +25,11 @@ EXTRAS = {"rerun": "viewer", "mcap": "ros", "mcap_ros2": "ros", "imageio": "vide
 
 @contextmanager
 def command_process() -> Iterator[None]:
-    """Run a command in the block and end the process in the usual way.
+    """Handle the signals, errors and warnings of a command that runs in the block.
 
-    SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt; those that the parent ignores, as under nohup, stay ignored.
-    Errors of the operating system and missing libraries print one line and exit with status 1. Warnings print one line.
+    SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt; those that the parent process ignores, as under nohup, stay
+    ignored. Operating-system errors and missing libraries print one line and exit with status 1. Warnings print one
+    line.
     """
     received: list[int] = []
 
@@ -61,7 +62,7 @@ def command_process() -> Iterator[None]:
         sys.exit(FAILED)
     except (KeyboardInterrupt, Exception) as error:
         if not received and not isinstance(error, KeyboardInterrupt):
-            raise  # otherwise other code turned the interrupt into an error of its own
+            raise  # otherwise, other code has replaced the interrupt with its own error
         for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         kill_children()
@@ -92,7 +93,7 @@ def deferred_signals() -> Iterator[list[int]]:
 
 
 def kill_children() -> None:
-    """Kill the processes that this one has started, and theirs."""
+    """Kill all child processes of this process and their descendants."""
     import psutil  # only needed when a command is interrupted
 
     for child in psutil.Process().children(recursive=True):
@@ -118,7 +119,7 @@ def _streams() -> list[TextIO]:
 
 
 def _exit_without_output() -> NoReturn:
-    """Exit with status 1 without the output that is still buffered, if it cannot be written either."""
+    """Exit with status 1, and discard buffered output that cannot be written."""
     devnull = os.open(os.devnull, os.O_WRONLY)
     for stream in _streams():
         try:

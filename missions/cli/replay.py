@@ -31,14 +31,14 @@ def replay(
     video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|FILE.gif")] = None,
     pace: Annotated[float | None, tyro.conf.arg(metavar="FACTOR"), Field(ge=0.1, le=1000)] = None,
 ) -> None:
-    """Open recordings of missions in the Rerun viewer, several of them together.
+    """Open the recordings of one or several missions in the Rerun viewer.
 
-    The recording of each mission is drawn from its log.
+    The recording of each mission is made from its log.
 
     Args:
         folders: Folders of missions.
-        row: Number of a mission in the dataset of a sweep, whose folder is given: it is run again, and kept there. May
-            be given several times.
+        row: Number of a mission in the dataset of a sweep, whose folder is given. The mission is run again, and its
+            files are kept in that folder. May be given several times.
         web: Serve the recordings to a browser on this machine (127.0.0.1) instead.
         screenshot: Write a picture of the viewer instead, without opening it; no screen is needed.
         at: Simulated time that the picture shows. Default: the end.
@@ -67,7 +67,7 @@ def replay(
         _film(logs[0], video, pace)
         if screenshot is None:
             return
-    # here, because a film does not need Rerun
+    # imported here, because a film does not need Rerun
     from pdpatrol.missions.recording import open_viewer, serve, take_screenshot, write_recording
 
     recordings = [folder / "mission.rrd" for folder in folders]

@@ -44,7 +44,7 @@ def report(
 
 @contextmanager
 def refused_if_damaged(folder: Path) -> Iterator[None]:
-    """Refuse a mission whose log has metadata from which nothing can be made."""
+    """Print an error and exit if the block fails because the metadata of a log are damaged."""
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):

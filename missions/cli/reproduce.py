@@ -1,4 +1,4 @@
-"""`pdpatrol reproduce`: the exhibits of the paper next to ours."""
+"""`pdpatrol reproduce`: the tables and figures of the paper, reproduced and compared."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def reproduce(
     json_output: JsonOutput = False,
     timing: bool = False,
 ) -> None:
-    """Compare every exhibit of the Dir-MUSIC paper with ours, by the paper's method and by the best one.
+    """Reproduce every table and figure of the Dir-MUSIC paper, by the paper's method and by the best one.
 
-    It ends with a verdict: which of the paper's numbers agree with its method, and which do not. Writes
+    A verdict states which of the printed numbers agree with the paper's method, and which do not. Writes
     reproduction.html, reproduction.json and the pictures.
 
     Args:
-        trials: Trials of each cell; 100 to 1000000. The paper has 3600.
-        seed: Seed of everything random, 0 or more.
+        trials: Trials of each cell; 100 to 1000000. The paper uses 3600.
+        seed: Seed of all random draws, 0 or more.
         out_dir: Folder to write to; new or empty. Default: runs/reproduction-SEED, then -2, -3 and so on.
         json_output: Print the numbers as JSON instead of tables.
         timing: Print how long each part took.

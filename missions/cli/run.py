@@ -45,19 +45,19 @@ def run(
     Args:
         scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
         policy: Policy that drives. seek leaves its route for detected sources, active chooses the most informative
-            views, patrol keeps to the route, random is a lower bound. oracle knows the truth: an upper bound. Your own
-            policy is a class in a file, my_policy.py:MyPolicy, or in a module that Python can import,
+            views, patrol keeps to the route, random is a lower bound, and oracle, which is given the truth, an upper
+            bound. Your own policy is a class in a file, my_policy.py:MyPolicy, or in a module that Python can import,
             package.module:MyPolicy; MyPolicy(rng) makes one, and policy(observation, findings, site_map) returns two
             numbers in [-1, 1], for speed and yaw rate. The contract is the docstring of
-            missions.policies.protocol.Policy; examples/own_policy is one to copy.
-        seed: Seed of everything random, 0 or more. The same seed gives the same mission.
-        serial_number: Array that the robot carries, as `serial_number` in the table [array] of the scenario: missions
-            with the same number have the same array. Default: that of the scenario; without one, each mission has an
-            array of its own.
-        calibration: calibration.toml that an earlier mission with this very array has written. The errors of the array
-            that it has learned are used until the pulses contradict them, and a new file is written.
-        date: Date of the inspection, as `date` in the table [campaign] of the scenario: its sources have grown since
-            the campaign began. Default: that of the scenario.
+            missions.policies.protocol.Policy; examples/own_policy is an example to copy.
+        seed: Seed of all random draws, 0 or more. The same seed gives the same mission.
+        serial_number: Serial number of the robot's array, as `serial_number` in the table [array] of the scenario:
+            missions with the same number have the same array. Default: that of the scenario; without one, each mission
+            has a different array.
+        calibration: calibration.toml that an earlier mission with the same array has written. The array errors that it
+            contains are used until the pulses contradict them, and a new file is written.
+        date: Date of the inspection, as `date` in the table [campaign] of the scenario: the sources change from the
+            start of the campaign to this date. Default: that of the scenario.
         out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
         live: Show the mission in the Rerun viewer while it runs.
         json_output: Print the report as JSON instead of a table.
@@ -116,7 +116,7 @@ def run(
 
 
 def _summary(report: Report) -> list[str]:
-    """Describe the course of the mission in lines for a terminal."""
+    """Describe the course of the mission in a few lines for the terminal."""
     battery = "" if report.battery_left is None else f"; {100 * report.battery_left:.1f} % of the battery left"
     time_s = f"{report.sim_time_s:.0f} s simulated in {report.wall_time_s:.1f} s"
     lines = [

@@ -39,10 +39,10 @@ def sweep(
     engine: Literal["pool", "ray"] = "pool",
     ray_address: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None,
 ) -> None:
-    """Run scenarios times settings times policies times seeds, and store a row for each mission.
+    """Run a mission for each combination of scenario, settings, policy and seed, and store a row for each.
 
-    If the command is killed, the same command continues. The rows depend neither on the number of workers nor on the
-    order in which missions end. `pdpatrol results` shows them.
+    If the sweep is killed, the same command continues it. The rows depend neither on the number of workers nor on the
+    order in which missions end. `pdpatrol results` summarises them.
 
     Args:
         scenario: Names of shipped scenarios, paths of TOML files, or parts of the frozen suite: suite, suite/LEVEL,
@@ -51,8 +51,8 @@ def sweep(
         seeds: First and last seed such as 0-19, or one seed. Default: those of the suite; 0-19 in other scenarios.
         settings: Values of a key of the scenario, such as receiver.noise_v=5e-4,1e-3,2e-3; may be given several times,
             for all combinations.
-        out_dir: Folder of the dataset; one that the same command has begun is completed. Default: a folder in runs/,
-            named after the sweep.
+        out_dir: Folder of the dataset; a dataset that the same command has begun is completed. Default: a folder in
+            runs/, named after the sweep.
         workers: Number of missions at a time. Default: the number of cores of the machine, or of the Ray cluster.
         shard: Part of the missions, from 1/N to N/N, for job arrays; all parts may share one folder.
         wall_limit_s: Longest computing time of a mission; a mission that exceeds it is stored as hung.
@@ -80,7 +80,7 @@ def sweep(
     shard_jobs = plan.jobs[part - 1 :: n_parts]
     jobs = [job for job in shard_jobs if job.key not in done]
     if jobs:
-        compile_at_first_run(err)  # or every worker would compile the same
+        compile_at_first_run(err)  # otherwise every worker would compile the same code
     limits = MissionLimits(wall_limit_s, int(memory_gb * 1e9))
     try:
         with progress_bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:

@@ -1,4 +1,4 @@
-"""Terminal output, refusals and output folders, as all verbs need them."""
+"""Terminal output, error exits and output folders of all verbs."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ out, err = (Console(stderr=to_stderr, markup=False, highlight=False, emoji=False
 
 
 def refuse(*errors: str) -> NoReturn:
-    """Print one line per error of the input and exit with status 2."""
+    """Print one line per input error and exit with status 2."""
     for error in errors:
         print_error(error)
     sys.exit(USAGE_ERROR)
 
 
 def fail(error: str) -> NoReturn:
-    """Print one line on what this machine cannot do and exit with status 1."""
+    """Print one line that says what this machine cannot do, and exit with status 1."""
     print_error(error)
     sys.exit(FAILED)
 
@@ -56,7 +56,7 @@ def output_folder(given: Path | None, name: str, option: str = "--out") -> Itera
     Args:
         given: Folder given by the user, if any.
         name: Name of the folder under runs/ otherwise; -2, -3 and so on are appended until it is new.
-        option: Option by which it is given, for refusals.
+        option: Option that gives the folder, for error messages.
     """
     try:
         folder = given or _new_folder(name)

@@ -24,9 +24,9 @@ def trend(
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
 ) -> None:
-    """Join the findings of repeated inspections of one yard: which discharges are new, grown or gone.
+    """Compare repeated inspections of one yard: which discharges are new, have grown or are gone.
 
-    Print a line for each discharge, those that grow most first: its last level and rate, and the change of both per
+    Print a line for each discharge, the fastest growing first: its last level and rate, and the change of both per
     week, with 99 % intervals. A discharge has grown if the interval of its level slope lies above zero; it is gone if
     the last inspection would have found it with its former level and rate, but did not.
 

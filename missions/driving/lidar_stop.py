@@ -14,10 +14,11 @@ from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 FloatArray = NDArray[np.float64]
 
 SIDE_M = 0.04
-"""Clearance to the side. Assumed; two deviations of the lidar's noise, and passages that the map allows stay open."""
+"""Clearance to the side. Assumed; two standard deviations of the lidar noise, small enough for all passages of the
+map."""
 
 STOP_M = 0.06
-"""Clearance ahead. Assumed; three deviations of the lidar's noise, or a corner between two beams."""
+"""Clearance ahead. Assumed; three standard deviations of the lidar noise, or a corner between two beams."""
 
 DEFLECTIONS_RADPS = np.array([0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9])
 """Changes of the yaw rate that are tried when the commanded arc is blocked. Assumed."""
@@ -40,22 +41,22 @@ def lookahead_m(robot: RobotDescription) -> FloatArray:
 
 
 def free_distance(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: float, robot: RobotDescription) -> float:
-    r"""Return how far the robot gets on its arc before its circular outline meets a point that a beam measured.
+    r"""Return how far the robot can drive on its arc before its circular outline meets a point that a beam measured.
 
-    A point blocks the arc where the outline covers it and has come nearer to it, so driving away from a close obstacle
-    is always possible. On an arc of curvature :math:`\kappa`, the position after a distance s is
+    A point blocks the arc only where the outline covers it and the robot has come nearer to it, so that driving away
+    from a close obstacle is always possible. On an arc of curvature :math:`\kappa`, the position after a distance s is
 
     .. math:: (x, y) = (\sin \kappa s, 1 - \cos \kappa s) / \kappa
 
     Args:
-        lidar_m: Ranges from the centre of the robot, shape (LIDAR_BEAMS,), metres. Anything between two beams is not
-            seen: 7 cm at the distance where the robot has to start braking.
+        lidar_m: Ranges from the centre of the robot, shape (LIDAR_BEAMS,), metres. Objects between two beams are not
+            seen; beams are 7 cm apart at the distance where the robot has to start braking.
         v_mps: Forward speed; negative backwards.
         yaw_rate_radps: Yaw rate, counter-clockwise.
         robot: The robot.
 
     Returns:
-        Metres, at most the last of `lookahead_m`.
+        Distance along the arc, metres, at most the last value of `lookahead_m`.
     """
     arc_m, kept_m = lookahead_m(robot), robot.footprint_radius_m + SIDE_M
     near = lidar_m < arc_m[-1] + robot.footprint_radius_m + SIDE_M
@@ -96,13 +97,13 @@ def safe_speed(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: floa
 def safe_command(
     lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: float, robot: RobotDescription
 ) -> tuple[float, float]:
-    """Return the commanded speed and yaw rate if they are safe, else a safe speed at the yaw rate that allows most.
+    """Return the commanded speed and yaw rate if they are safe, else a safe speed at the yaw rate that allows the most.
 
-    The arc a little to the side is often free, so the robot keeps off the walls of a passage despite its pose error.
+    A slightly different arc is often free, so the robot stays clear of the walls of a passage despite its pose error.
     """
     if safe_speed(lidar_m, v_mps, yaw_rate_radps, robot) == v_mps:
         return v_mps, yaw_rate_radps
     turns = yaw_rate_radps + DEFLECTIONS_RADPS
     speeds_mps = np.array([safe_speed(lidar_m, v_mps, turn, robot) for turn in turns.tolist()])
-    best = int(np.argmax(np.abs(speeds_mps) - 0.1 * np.abs(DEFLECTIONS_RADPS)))  # 0.1 m/s for 1 rad/s (assumed)
+    best = int(np.argmax(np.abs(speeds_mps) - 0.1 * np.abs(DEFLECTIONS_RADPS)))  # 1 rad/s costs 0.1 m/s (assumed)
     return float(speeds_mps[best]), float(turns[best])

@@ -1,4 +1,4 @@
-"""Driving to one place: its path, the wheel command that follows it, and when the drive is over."""
+"""Driving to a goal: the path, the command that follows it, and the end of the drive."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from pdpatrol.robot_models.description.robot_description import RobotDescription
 FloatArray = NDArray[np.float64]
 
 SLACK_S = 30.0
-"""Time beyond that of driving the path at half the top speed after which a goal is given up. Assumed."""
+"""Time after which a goal is given up, in addition to that of driving the path at half the top speed. Assumed."""
 
 LOOKAHEAD_M = 0.7
 """Distance ahead on the path that the robot steers to, and over which turns of the path are measured. Assumed."""
 
 BRAKING_MPS2 = 0.5
-"""Deceleration before turns and the end of the path, less if the motors can do less. Assumed; comfortable."""
+"""Deceleration before turns and the end of the path, lower if the motors allow less. Assumed; a gentle value."""
 
 TURN_SPEED_MPS = 0.2
 """Speed in a turn of 90 degrees or more; smaller turns are faster in proportion. Assumed."""
 
 
 class PathFollower:
-    """Drives to one place, and gives it up if it is unreachable or the drive takes too long.
+    """Driver to one goal, which is given up if it is unreachable or the drive takes too long.
 
     Args:
         site_map: Map of free ground.
         pose: Estimated pose, shape (3,).
         goal_m: Goal, shape (2,), world frame.
-        time_s: Present time.
+        time_s: Current time.
         radius_m: Distance at which the goal counts as reached.
         reach: Shortest paths from `pose` on `site_map`, if they are known already.
 
@@ -68,7 +68,7 @@ class PathFollower:
         return float(reach.length_m[cell])
 
     def is_planned_on(self, site_map: SiteMap) -> bool:
-        """Return True if the path was found with the obstacles that a map shows now."""
+        """Return True if the path was planned with the obstacles that a map now shows."""
         return np.array_equal(site_map.obstacles_m, self.site_map.obstacles_m)
 
     def update_map(self, site_map: SiteMap, pose: FloatArray) -> None:
@@ -85,11 +85,11 @@ class PathFollower:
         return self.has_arrived(pose) or is_hopeless or time_s > self.deadline_s
 
     def has_arrived(self, pose: FloatArray) -> bool:
-        """Return True if the goal is near enough."""
+        """Return True if the pose is within the radius of the goal."""
         return float(np.hypot(*(self.goal_m - pose[:2]))) <= self.radius_m
 
     def action(self, pose: FloatArray) -> NDArray[np.float32]:
-        """Return the action that follows the path: turn to a point ahead of it, slow down in turns."""
+        """Return the action that follows the path: turn towards a point ahead on it, and slow down in turns."""
         robot, path_m, along_m = self.site_map.robot, self.path_m, self._along_m
         nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
         ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
@@ -103,7 +103,7 @@ class PathFollower:
 
 
 def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
-    r"""Return the speed at each point of a path (n, 2) from which `BRAKING_MPS2` suffices for the turns and the end.
+    r"""Return the highest speed at each point of a path (n, 2) that lets the robot brake for the turns and the end.
 
     .. math:: v_i = \min_{j \geq i} \sqrt{u_j^2 + 2 a (s_j - s_i)}
 
@@ -123,9 +123,9 @@ def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
 
 
 def _turns(path_m: FloatArray, along_m: FloatArray) -> FloatArray:
-    """Return by how much the path turns at each of its points, shape (n,), radians; zero at both ends.
+    """Return the angle by which the path turns at each of its points, shape (n,), radians; zero at both ends.
 
-    Turns are measured over `LOOKAHEAD_M`, so that the steps of the grid do not count.
+    Turns are measured over `LOOKAHEAD_M`, so that the steps of the grid do not count as turns.
     """
 
     def place(at_m: FloatArray) -> FloatArray:

@@ -36,8 +36,8 @@ MIN_TRANSMISSION = 10 ** (-AssignmentRules().sight_loss_db / 20)
 """Amplitude transmitted along the direct path at which a target still counts as in line of sight, as in locating."""
 
 _MOVES = ((1, 0), (0, 1), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
-"""Moves between cells, along x and y, and back. In these sixteen directions paths are 1.4 % too long on average; in
-eight directions 5.5 %, with turns of 45 degrees, for which a robot slows down."""
+"""Moves between cells, along x and y; each is also used in reverse. With these sixteen directions, paths are 1.4 % too
+long on average; with eight, they are 5.5 % too long and have turns of 45 degrees, for which a robot slows down."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,7 @@ class ShortestPaths:
         return total
 
     def cell_after(self, length_m: float) -> NDArray[np.intp]:
-        """Return, for the path to each cell, its first cell at that length or beyond; the end of shorter paths."""
+        """Return, for the path to each cell, the first cell at or beyond a length; for shorter paths, the last cell."""
         is_short = self.length_m[self._before] < length_m
         cell = np.where(is_short, np.arange(is_short.size), self._before)
         while (cell != cell[cell]).any():
@@ -146,7 +146,7 @@ class SiteMap:
         return other
 
     def _place_obstacles(self, points_m: FloatArray) -> None:
-        """Set the obstacles and all that depends on them."""
+        """Set the obstacles and everything that depends on them."""
         self.obstacles_m = points_m
         self.clearance_m = np.minimum(self._planned_clearance_m, self._distance_to_obstacles(self.centres_m))
         self.is_free = self.clearance_m >= self.robot.footprint_radius_m + MARGIN_M
@@ -218,7 +218,7 @@ class SiteMap:
             within_m: Horizontal distance at which a place counts as reached.
 
         Returns:
-            Metres; 0 without any place, infinite if a place cannot be reached.
+            Path length, metres; 0 without places, infinite if a place cannot be reached.
         """
         is_near = [np.linalg.norm(self.centres_m - place_m, axis=-1) <= within_m for place_m in places_m]
         reach = cache(lambda cell: self.reach(self.centres_m[cell]))

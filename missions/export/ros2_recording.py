@@ -19,7 +19,7 @@ from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
 Content = dict[str, Any]
-"""Fields of a message; those that are left out are zero or empty."""
+"""Fields of a message; omitted fields are zero or empty."""
 
 TOPICS = {
     "/tf": "tf2_msgs/TFMessage",
@@ -78,7 +78,7 @@ COLOURS = {"candidate": (1.0, 0.7, 0.16), "confirmed": (0.24, 0.86, 0.43), "outs
 def write_ros2_recording(log: MissionLog, path: Path) -> None:
     """Write a mission as MCAP.
 
-    The recording begins at midnight UTC on the date of the inspection, or of 1 January 1970 where the log has no date.
+    The recording begins at midnight UTC on the date of the inspection, or on 1 January 1970 if the log has no date.
     Field data whose times are Unix times keep them.
     """
     time_ns = _clock_ns(log.column("step", "time_s"), log.meta.get("date"))
@@ -202,7 +202,7 @@ def _marker(
     scale: Sequence[float] | FloatArray,
     place_m: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
 ) -> Content:
-    """Return a marker; the colour may be without its opacity."""
+    """Return a marker; a colour without opacity is opaque."""
     return {
         "header": header,
         "ns": namespace,

@@ -1,1 +1,1 @@
-"""Data from the field: reading them, and locating with them."""
+"""Field data: reading them, and locating discharges in them."""

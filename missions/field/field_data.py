@@ -21,18 +21,18 @@ from pdpatrol.missions.field.waveform_files import (
 FloatArray = NDArray[np.float64]
 
 MIN_STRENGTH_V = 1e-12
-"""Weaker strengths count as zero, and no standard deviation is smaller. Assumed; no receiver resolves it."""
+"""Strength below which a value counts as zero, and smallest standard deviation. Assumed; no receiver resolves it."""
 
 MAX_STEPS = 20_000
-"""Poses beyond which rows are pooled. Assumed; hours of a robot that reports its pose twice a second are kept apart."""
+"""Number of poses beyond which rows are pooled. Assumed; nearly three hours at two poses per second."""
 
 POOLED = np.array([1.0, 0.1, 0.1, np.radians(2.0)])
-"""Cells of time (s), x, y (m) and heading (rad) of pooled rows. Assumed; finer than the Locator pools its pulses."""
+"""Cell size for pooling rows: time (s), x, y (m) and heading (rad). Assumed; smaller than the cells of the Locator."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldData:
-    """Strengths of pulses and the poses at which they were received; rows of one time and pose are one step.
+    """Strengths of pulses and the poses at which they were received; rows with the same time and pose form one step.
 
     Attributes:
         path: The table.
@@ -64,7 +64,7 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
 
     Pulses are either `strength_1` to `strength_n` in volts, one pulse per row, with standard deviations `std_1` to
     `std_n` where they are known; or `waveform`, the name of a file in the folder of the table (see `waveform_files`).
-    A channel that is zero throughout is left out with a note. The column `mains_phase_deg`, from which the kind of
+    A channel that is zero throughout is omitted, with a note. The column `mains_phase_deg`, from which the kind of
     discharge is classified, needs one pulse per row.
 
     Args:
@@ -75,11 +75,11 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
             pulse of 2.5 ns and a ring of 0.2 m.
 
     Raises:
-        InputFileError: If anything is wrong; file and line are named.
+        InputFileError: If the table or a waveform file is invalid; the message names file and line.
     """
     table = read_table(path)
     n_strengths, has_deviations = _check_columns(table)
-    time_s = table.numbers("time_s", -5e9, 5e9, " s")  # in the 21st century as Unix time, but not in milliseconds
+    time_s = table.numbers("time_s", -5e9, 5e9, " s")  # includes Unix times in seconds, but not in milliseconds
     x_m, y_m = (table.numbers(name, -1e5, 1e5, " m, in a frame of the site") for name in ("x_m", "y_m"))
     yaw_deg = table.numbers("yaw_deg", -720, 720, " degrees, counter-clockwise from x")
     phase_rad = np.full(time_s.size, np.nan)
@@ -124,13 +124,13 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
 
 
 def _steps(poses: FloatArray) -> tuple[FloatArray, NDArray[np.intp], list[str]]:
-    """Make one step of consecutive rows of one time and pose, or of one cell of them where there are too many.
+    """Group consecutive rows with the same time and pose into steps; if these are too many, pool the rows by cell.
 
     Args:
         poses: time s, x m, y m and yaw rad of each row, shape (n_rows, 4).
 
     Returns:
-        The same of each step; step of each row, shape (n_rows,); and a note if rows were pooled.
+        The same for each step; the step of each row, shape (n_rows,); and a note if rows were pooled.
     """
     is_first = np.append(True, np.any(np.diff(poses, axis=0) != 0, axis=-1))
     starts, step_of_row = np.flatnonzero(is_first), np.cumsum(is_first) - 1
@@ -146,7 +146,7 @@ def _steps(poses: FloatArray) -> tuple[FloatArray, NDArray[np.intp], list[str]]:
 
 
 def doubts(pose: FloatArray) -> list[str]:
-    """Note units that the table probably does not have; the data are used all the same.
+    """Return notes on values that are probably in the wrong unit; the data are used nevertheless.
 
     Args:
         pose: x m, y m, yaw rad as read, shape (n, 3).

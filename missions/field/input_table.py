@@ -18,7 +18,7 @@ from dirmusic.input_file import read_whole
 FloatArray = NDArray[np.float64]
 
 MAX_ERRORS = 20
-"""Errors listed for one file; more of them mean that it is a file of another kind."""
+"""Largest number of errors listed for one file; a file with more errors is probably of another kind."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ class InputTable:
 
     Attributes:
         path: The file.
-        columns: Numbers by name of the column, NaN for empty cells; texts in the column `waveform`.
+        columns: Values by name of the column: numbers, NaN for empty cells; text in the column `waveform`.
         lines: Line of the file on which each row stands, shape (n_rows,).
         errors: One line each.
     """

@@ -40,8 +40,8 @@ FIELD_RULES = LocatingRules(
     confirm_pulses=10,
     refit_s=np.inf,
 )
-"""Rules for data taken by people. Assumed; minutes may pass between poses, few pulses come from each, and nobody can be
-sent nearer. Lines of sight must still cross at an angle, and the ellipse must be small."""
+"""Rules for data recorded by people. Assumed; minutes may pass between poses, each pose gives few pulses, and nobody
+can be sent nearer. Lines of sight must still cross at an angle, and the ellipse must be small."""
 
 
 def array_model(
@@ -58,8 +58,8 @@ def array_model(
         data: Pulses, with the numbers of the live channels.
         spread: Deviations of such arrays from their data sheet.
         pattern: Pattern of every element; None for eq. (1) of the Dir-MUSIC paper.
-        boresights_deg: Azimuth of each recorded channel's element; None for an even ring, of which four channels are
-            the first four of six elements.
+        boresights_deg: Azimuth of each recorded channel's element; None for an evenly spaced ring, in which four
+            channels are the first four of six elements.
         ring_radius_m: Radius of the ring.
         height_m: Height of the ring above the ground.
 
@@ -83,10 +83,10 @@ def array_model(
 
 
 def calibrated(array: ArrayModel, calibration: ArrayCalibration) -> ArrayModel:
-    """Return the array with the errors that earlier data have shown.
+    """Return the array with the errors estimated from earlier data.
 
     Raises:
-        InputFileError: If the calibration is that of another array.
+        InputFileError: If the calibration belongs to another array.
     """
     mismatch = calibration.mismatch(array, None)
     if mismatch is not None:
@@ -148,8 +148,8 @@ def locate_field_data(
             tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1])))
             if time_s >= due_s:
                 tracker.refit(float(time_s))
-                # Assumed; a new source has to be one finding and not several, and a survey of hours is refitted some
-                # hundred times.
+                # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
+                # hours is refitted only a few hundred times.
                 due_s = time_s + max(1.0, 0.02 * (time_s - data.time_s[0]))
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
@@ -169,7 +169,7 @@ def locate_field_data(
 def _meta(
     data: FieldData, array: ArrayModel, pose_error: PoseError, fence_m: tuple[float, float] | None
 ) -> dict[str, Any]:
-    """Return what the log says about the survey; the assumed errors stand under the keys of a scenario."""
+    """Return the metadata of the survey; the assumed errors are stored under the keys of a scenario."""
     low, high = data.pose[:, :2].min(axis=0) - 10.0, data.pose[:, :2].max(axis=0) + 10.0  # shown around the poses
     if fence_m is not None:
         low, high = np.zeros(2), np.asarray(fence_m)

@@ -20,13 +20,14 @@ from pdpatrol.missions.field.input_table import InputTable, read_table
 FloatArray = NDArray[np.float64]
 
 MIN_CHANNELS, MAX_CHANNELS = 3, 32
-"""With two elements, most ratios of strengths belong to two directions; no portable array has more than 32."""
+"""Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
+array has more than 32."""
 
 MAX_VOLTS = 1e6
 """Largest sample, and strength of a pulse. Assumed; no receiver withstands more."""
 
 MAX_BYTES = 512 * 10**6
-"""Size of a file of waveforms, compressed and not."""
+"""Largest size of a waveform file, both compressed and uncompressed."""
 
 
 class TablePulses(NamedTuple):
@@ -66,7 +67,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
         gate_s: Length of the gate, which is cut out of each waveform where it holds most energy.
 
     Raises:
-        InputFileError: If a file cannot be used, the files do not fit together, or they hold no noise to measure.
+        InputFileError: If a file cannot be used, the files are inconsistent, or they contain no noise to measure.
     """
     rows: list[int] = []
     energies: list[FloatArray] = []
@@ -80,7 +81,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
             if record.samples.shape[1] != shape[0] or abs(record.sample_rate_hz / shape[1] - 1) > 0.01:
                 raise ValueError(f"must have {shape[0]} channels at {shape[1]:g} Hz as the first file")
             n_gate = round(gate_s * shape[1])
-            if not 4 <= n_gate <= record.samples.shape[2]:  # fewer samples hold no pulse
+            if not 4 <= n_gate <= record.samples.shape[2]:  # fewer samples cannot hold a pulse
                 raise ValueError(
                     f"the gate must have 4 to {record.samples.shape[2]} samples; --gate-ns {gate_s * 1e9:g} is {n_gate}"
                 )
@@ -93,7 +94,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
                 if is_noise.sum() >= 16:
                     noises.append(np.square(volts[:, is_noise]).mean(axis=-1))
                 rows.append(row)
-        except ValueError as error:  # of which InputFileError is one
+        except ValueError as error:  # InputFileError is a subclass
             first = str(error).splitlines()[0].removeprefix(f"{table.path.parent / name}: ")
             raise InputFileError([f"{table.path}: line {table.lines[row]}: waveform {name}: {first}"]) from None
     energy_v2 = np.array(energies)
@@ -114,7 +115,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
 
 
 def _volts(samples: NDArray[Any], volts_per_sample: float) -> FloatArray:
-    """Convert samples to volts; raises ValueError if they are not finite or too large."""
+    """Convert samples to volts; raise ValueError if they are not finite or too large."""
     with np.errstate(over="ignore"):
         volts = samples.astype(np.float64) * volts_per_sample
     largest = float(np.abs(volts).max())
@@ -124,7 +125,7 @@ def _volts(samples: NDArray[Any], volts_per_sample: float) -> FloatArray:
 
 
 def _read_record(path: Path) -> WaveformRecord:
-    """Read one waveform file; raises ValueError without its name, or InputFileError with it."""
+    """Read one waveform file; raise ValueError without its name, or InputFileError with it."""
     record = _read_csv(path) if path.suffix.lower() == ".csv" else _read_npz(path)
     _, n_channels, n_samples = record.samples.shape
     if not MIN_CHANNELS <= n_channels <= MAX_CHANNELS or n_samples > 10**7 // n_channels:  # 80 MB as float64
@@ -150,7 +151,7 @@ def _read_npz(path: Path) -> WaveformRecord:
             scale = float(archive["volts_per_count"]) if "volts_per_count" in archive else None
     except InputFileError:
         raise
-    except Exception as error:  # damaged bytes raise errors of many types in zipfile, zlib and the reader of headers
+    except Exception as error:  # damaged bytes raise errors of many types in zipfile, zlib and the header reader
         raise ValueError(
             "must be an .npz archive with the arrays waveforms, sample_rate_hz and, for counts, volts_per_count "
             f"({' '.join(str(error).split()):.100})"

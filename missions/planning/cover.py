@@ -1,4 +1,4 @@
-"""Cover: few stops from which every target is detectable over enough aperture, as an integer programme."""
+"""Set cover: few stops from which every target is detectable over enough aperture, as an integer programme."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 GAP = 0.25
-"""Relative gap to the fewest stops at which the search for a cover ends. Assumed; stops that the path makes unnecessary
-are removed afterwards, so one stop more costs little."""
+"""Relative optimality gap at which the search for the fewest stops ends. Assumed; stops that the path makes unnecessary
+are removed afterwards, so one more stop costs little."""
 
 TINY_RAD = 1e-9
 """Tolerance in comparisons of angles."""
 
 CROSSING_RAD = np.radians(45.0)
-"""Angle at which lines of sight should cross. Assumed; from two opposite sides they are parallel, whatever the
-aperture, and leave the position open along them."""
+"""Angle at which lines of sight should cross. Assumed; lines of sight from two opposite sides are parallel, whatever
+the aperture, and do not determine the position along them."""
 
 MIN_CELLS = 12
-"""Cells of the path that should detect a target. Assumed; 3 m, and at 20 pulses a second nearly four times the pulses
-that confirm."""
+"""Number of cells of the path from which a target should be detectable. Assumed; these 3 m give, at 20 pulses per
+second, nearly four times the pulses needed to confirm a finding."""
 
 
 def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray | None = None) -> FloatArray:
@@ -35,12 +35,13 @@ def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray
 
     Args:
         detectability: Where targets are detectable from.
-        columns: Columns of `detectability`, each once.
+        columns: Columns of `detectability`, without duplicates.
         targets: Mask of the targets, shape (n_targets,); by default all.
 
     Returns:
-        Aperture in radians: the narrowest arc that holds the aspects of all columns that detect the target. The same
-        for lines of sight, whose two directions are equivalent: at most 90 degrees. Number of columns that detect it.
+        Aperture in radians: the narrowest arc that contains the aspects of all columns that detect the target; the same
+        for lines of sight, whose two directions are equivalent, so at most 90 degrees; number of columns that detect
+        the target.
     """
     rows = np.arange(len(detectability.names)) if targets is None else np.flatnonzero(targets)
     pairs = np.ix_(rows, columns)
@@ -53,10 +54,10 @@ def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray
 
 
 def candidates(detectability: Detectability, clearance_m: FloatArray, required_rad: FloatArray) -> IntArray:
-    """Return columns to choose stops from: the clearest one of each square of ground, and more where targets need it.
+    """Return columns to choose stops from: the one with most clearance in each square, and more if targets need them.
 
-    Squares have sides of 2 m (assumed): stops move to other cells afterwards, and a yard of 44 m by 33 m has some four
-    hundred squares.
+    Squares have sides of 2 m (assumed): stops move to other cells afterwards, and a yard of 44 m by 33 m has about 400
+    squares.
 
     Args:
         detectability: Where targets are detectable from.
@@ -64,7 +65,7 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
         required_rad: Aperture of each target that the candidates must offer, shape (n_targets,).
 
     Returns:
-        Ascending.
+        Columns, ascending.
     """
     square = np.floor(detectability.places_m / 2.0).astype(np.intp) @ np.array([1_000_000, 1])
     useful = np.flatnonzero(detectability.is_detectable.any(axis=0))
@@ -85,7 +86,7 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
 
 
 def _ends(aspect_rad: FloatArray) -> IntArray:
-    """Return the indices of the two angles that bound the narrowest arc with all angles (n,)."""
+    """Return the indices of the two angles that bound the narrowest arc that contains all angles (n,)."""
     angle = wrap(aspect_rad)
     order = np.argsort(angle, kind="stable")
     gaps = np.diff(angle[order], append=angle[order[0]] + 2 * np.pi)
@@ -96,8 +97,9 @@ def _ends(aspect_rad: FloatArray) -> IntArray:
 def cover(detectability: Detectability, columns: IntArray, required_rad: FloatArray) -> IntArray:
     r"""Choose few columns that offer each detectable target the aperture that it requires.
 
-    The aspects of the chosen columns have an aperture of at least :math:`w` if and only if no narrower arc holds them
-    all; it is enough to require this of arcs that start at the aspect :math:`\theta_j` of a column that detects:
+    The aspects of the chosen columns have an aperture of at least :math:`w` if and only if no narrower arc contains
+    them all. It is enough to require this of arcs that start at the aspect :math:`\theta_j` of a column that detects
+    the target:
 
     .. math:: \min \sum_k x_k, \quad \sum_{k: \, (\theta_k - \theta_j) \bmod 2 \pi \, \geq w} x_k \geq 1
 

@@ -39,8 +39,8 @@ class Detectability(NamedTuple):
             where it was not computed.
         range_m: Horizontal distance, shape (n_targets, n_cells).
         aspect_rad: Horizontal direction from the target to the cell, world frame, shape (n_targets, n_cells).
-        is_detectable: True where the target is in sight, `MARGIN_DB` above the trigger and near enough, also from the
-            cells within 0.5 m if the target has such cells; shape (n_targets, n_cells).
+        is_detectable: True where the target is in sight, `MARGIN_DB` above the trigger and near enough, and where the
+            same holds for all reachable cells within 0.5 m if the target has such places; shape (n_targets, n_cells).
     """
 
     names: tuple[str, ...]
@@ -80,11 +80,11 @@ def targets_of(site_map: SiteMap, spacing_m: float) -> tuple[tuple[str, ...], Fl
 
 
 def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V) -> Detectability:
-    """Compute from where all targets are detectable; the sources of the scenario are ignored.
+    """Compute the cells from which each target is detectable; the sources of the scenario are ignored.
 
-    A target that is not detectable within the confirmation range is searched at any range, and then counts up to 1 m
-    (assumed) beyond the nearest cell that detects it. A target keeps isolated cells if it would otherwise have
-    less aperture than confirmation requires.
+    For a target that is not detectable within the confirmation range, cells at any range are tried, and those up to 1 m
+    (assumed) farther than the nearest one that detects it count. A target keeps isolated cells if it would otherwise
+    have less aperture than confirmation requires.
 
     Args:
         scenario: Array, receiver, route and rules of locating.
@@ -143,7 +143,7 @@ class DirectPaths:
         self._elevations_rad = np.radians(np.arange(-90.0, 91.0))
         self._worst_gain = _worst_gain(array, self._elevations_rad)
         trigger = Receiver(receiver, array.n_channels)
-        self._trigger_v = trigger.threshold_v / trigger.front_end.pulse_peak  # before the band-pass
+        self._trigger_v = trigger.threshold_v / trigger.front_end.pulse_peak  # before the band-pass filter
         self._sight = sight
 
     def levels(
@@ -167,8 +167,8 @@ class DirectPaths:
 def _worst_gain(config: ArrayConfig, elevations_rad: FloatArray) -> FloatArray:
     """Return the gain of the strongest element in the robot's worst heading, same shape as the elevations (n,).
 
-    A linearly polarised wave loses nothing more, whatever its direction: half its power is in the measured gain of a
-    circularly polarised antenna (`pdpatrol.sensing.radio.polarisation.received`).
+    A linearly polarised wave has no further loss, whatever its direction: the measured gain of a circularly polarised
+    antenna already includes the loss of half the power (`pdpatrol.sensing.radio.polarisation.received`).
     """
     array, headings_rad = HelicalArray.nominal(config), np.radians(np.arange(0.0, 360.0, 2.0))
     shape = (headings_rad.size, elevations_rad.size, array.n_elements)

@@ -20,7 +20,7 @@ BLIND_COLOUR = "#d50000"
 
 
 def sites_table(plan: Plan) -> Table:
-    """Return a table of how the tour detects each site.
+    """Return a table that shows how the tour detects each site.
 
     The columns are the height of the site, the highest level over the trigger, aperture and smallest distance along the
     tour.
@@ -90,7 +90,7 @@ def as_toml(plan: Plan) -> str:
 
 
 def draw_plan(plan: Plan, path: Path) -> None:
-    """Draw how many sites each place detects, the tour, and sites that no place detects, to a PNG file."""
+    """Draw the number of sites detectable from each place, the tour, and undetectable sites, to a PNG file."""
     size_m, where = np.array(plan.site_map.yard.size_m), plan.detectability
     figure = Figure(figsize=(0.27 * size_m[0] + 2.2, 0.27 * size_m[1] + 1.6), layout="constrained")  # inches
     axes = figure.subplots()

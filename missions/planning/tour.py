@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 MIN_GAIN_M = 0.5
-"""Reduction of the tour that justifies moving a stop. Assumed; less than a second of driving."""
+"""Smallest reduction of the tour length that justifies moving a stop. Assumed; less than a second of driving."""
 
 
 class Tour(NamedTuple):
@@ -93,8 +93,8 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
 
     .. math:: \min \sum_{i < j} d_{ij} x_{ij}, \quad \sum_j x_{ij} = 2, \quad \sum_{i \in S, j \notin S} x_{ij} \geq 2
 
-    for all sets S of places that a solution without that condition has joined to a separate tour: such conditions are
-    added until there is one tour. A search ends after 10 000 nodes (assumed; twenty stops take a few).
+    for each set S of places that formed a separate tour in an earlier solution: such conditions are added until a
+    single tour remains. A search ends after 10 000 nodes (assumed; twenty stops take a few).
 
     Args:
         lengths_m: Path lengths between the places, symmetric, shape (n, n).
@@ -129,7 +129,7 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
 
 
 class TourShortener:
-    """Shortens a tour as long as it covers every target as required.
+    """Shortener of tours, which moves and removes stops as long as the tour covers every target as required.
 
     Args:
         detectability: Where targets are detectable from.
@@ -174,7 +174,8 @@ class TourShortener:
     def _without_needless_stops(self, tour: Tour) -> Tour:
         """Remove stops until the shortest tour past all others would not cover every target.
 
-        The most promising stop is tried first: the tour without it covers all and is short as it stands.
+        The most promising stop is tried first: the one without which the tour, in its present order, still covers every
+        target and is shortest.
         """
         while True:
             stops = tour.stops.tolist()

@@ -19,7 +19,8 @@ FloatArray = NDArray[np.float64]
 
 BACK_OFF_S = 1.5
 BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)])
-"""Ways out when stuck, m/s and rad/s, preferred ones first, and the time to drive one. Assumed; about half a metre."""
+"""Duration in seconds of backing off when stuck, and its commands, m/s and rad/s, in order of preference. Assumed;
+about half a metre."""
 
 PLACE_M = 0.1
 """Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
@@ -33,10 +34,10 @@ class SeenObstacles:
         self._map: SiteMap | None = None
 
     def scan(self, lidar_m: NDArray[np.floating], pose: FloatArray, time_s: float, plan: SiteMap) -> None:
-        """Add the points that beams (LIDAR_BEAMS,), metres, measured around a pose (3,) and `plan` does not show.
+        """Add the points that beams (LIDAR_BEAMS,), metres, measured from a pose (3,) and that `plan` does not show.
 
-        Points beyond 2.5 m do not count, because the heading error displaces them, and points within 0.2 m of the fence
-        or mapped equipment belong to it: three standard deviations of pose and range (both assumed).
+        Points beyond 2.5 m are ignored, because the heading error displaces them. Points within 0.2 m, three standard
+        deviations of pose and range, of the fence or mapped equipment are attributed to it (both assumed).
         """
         near = lidar_m < 2.5
         bearing = pose[2] + BEAM_RAD[near]
@@ -54,7 +55,7 @@ class SeenObstacles:
         self._last_seen_s = seen_s
 
     def on(self, plan: SiteMap) -> SiteMap:
-        """Return the plan with the remembered obstacles; it is the same map until they change."""
+        """Return the plan with the remembered obstacles; the same map is returned until they change."""
         if self._map is None:
             occupied_m = PLACE_M * np.array(sorted(self._last_seen_s), dtype=np.float64).reshape(-1, 2)
             self._map = plan.with_obstacles(occupied_m) if self._last_seen_s else plan
@@ -62,7 +63,7 @@ class SeenObstacles:
 
 
 class CollisionGuard:
-    """A policy that does what another one wants, as far as the lidar allows.
+    """Wrapper of a policy that limits its actions to those that are safe according to the lidar.
 
     Args:
         policy: Policy that decides where to go. Its map shows the obstacles that the lidar has measured.
@@ -81,9 +82,9 @@ class CollisionGuard:
         self._back_off_until_s = -np.inf
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """Return the policy's action, slowed down where needed, or a way out."""
+        """Return the policy's action, slowed down where needed, or an action that backs off."""
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
-        if time_s - self._scanned_s >= 0.5:  # each result is a new map (assumed)
+        if time_s - self._scanned_s >= 0.5:  # not at every step, because each scan gives a new map (assumed)
             self._seen.scan(observation["lidar"], pose, time_s, site_map)
             self._scanned_s = time_s
         has_collided = self._has_collided(float(observation["velocity"][0]), site_map.robot)
@@ -108,9 +109,9 @@ class CollisionGuard:
         return time_s - self._moved_s > 4.0
 
     def _has_collided(self, speed_mps: float, robot: RobotDescription) -> bool:
-        """Return True if the robot lost speed 1.5 times (assumed) as fast as brakes can.
+        """Return True if the robot decelerated 1.5 times (assumed) as fast as its brakes can.
 
-        It has hit an obstacle above or below the lidar's plane.
+        It has then hit an obstacle above or below the lidar's plane.
         """
         lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
         return lost_mps > 1.5 * robot.max_acceleration_mps2 * STEP_S
@@ -138,7 +139,8 @@ class CollisionGuard:
 def _limited(observation: Observation, command: FloatArray, robot: RobotDescription) -> Action:
     """Return the action for a command, m/s and rad/s, with a safe speed and an acceleration of at most 1 m/s^2.
 
-    The acceleration is assumed; it is well below what the motors can do, so one wrong lidar reading moves nothing.
+    The acceleration is assumed; it is well below what the motors can do, so that one wrong lidar reading has little
+    effect.
     """
     v, yaw_rate = command.tolist()
     fastest = max(float(observation["velocity"][0]) * np.sign(v), 0.0) + 1.0 * STEP_S

@@ -27,7 +27,7 @@ from pdpatrol.missions.record.events import Phase
 
 
 class Random:
-    """A lower bound: drives at random and ignores obstacles."""
+    """Policy that drives at random and ignores obstacles, as a lower bound."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.phase = Phase("random")
@@ -45,7 +45,7 @@ class Random:
 
 
 class Oracle:
-    """An upper bound: views each source, whose true position it is given, from several sides, and docks."""
+    """Policy that is given the true positions, views each source from several sides, and docks, as an upper bound."""
 
     def __init__(self) -> None:
         self.phase = Phase("oracle")
@@ -94,14 +94,14 @@ MAKER = f"{', '.join(BUILT_IN)}, or a class or function that makes a policy of a
 
 
 class OwnPolicy:
-    """A user's policy that reports on itself like the built-in ones.
+    """Wrapper of a user's policy that reports its phase and unreachable waypoints, as built-in policies do.
 
     Args:
         maker: Class or function that makes the policy.
         rng: The policy's own generator.
 
     Raises:
-        UserCodeError: If the policy cannot be made; by a call, if it raises an exception or returns no action.
+        UserCodeError: If the policy cannot be made, or if a call raises an exception or returns an invalid action.
     """
 
     def __init__(self, maker: Callable[[np.random.Generator], Any], rng: np.random.Generator) -> None:
@@ -119,7 +119,7 @@ class OwnPolicy:
                 self._policy.reveal(copy.deepcopy(truth))
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """Return the policy's action, checked."""
+        """Return the policy's action after checking it."""
         with calling(self._maker, ACTION):
             action = checked_action(self._policy(observation, findings, site_map), self._policy)
             self.phase, self.unreachable = status_of(self._policy)
@@ -144,7 +144,7 @@ def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
 
     Args:
         name: See `load_maker`.
-        rng: Generator for policies that draw.
+        rng: Generator for policies that use random numbers.
 
     Raises:
         UserCodeError: If it is not built in and cannot be loaded or made.

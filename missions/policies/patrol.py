@@ -16,7 +16,7 @@ from pdpatrol.missions.record.events import Phase
 
 
 class Patrol:
-    """Drives the route and returns to the dock, whatever is detected; stands still without a route."""
+    """Policy that drives the route and returns to the dock, whatever is detected; without a route it stands still."""
 
     def __init__(self) -> None:
         self.phase = Phase("patrol")
@@ -32,7 +32,7 @@ class Patrol:
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
         stops = (*site_map.route.stops_m, site_map.route.dock_m)
-        radius = 0.7 * site_map.task.waypoint_radius_m  # the rest is for the pose error (assumed)
+        radius = 0.7 * site_map.task.waypoint_radius_m  # leaves a margin for the pose error (assumed)
         while self._next_stop < len(stops):
             goal, is_dock = np.asarray(stops[self._next_stop]), self._next_stop == len(stops) - 1
             if self._drive is None:

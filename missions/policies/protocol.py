@@ -24,8 +24,9 @@ ACTION = "an action of 2 finite numbers in [-1, 1], or None to end the mission"
 class Policy(Protocol):
     """A policy drives the robot through one mission; `pdpatrol run --policy my_file.py:MyPolicy` runs your own.
 
-    **Construction.** `MyPolicy(rng)`, once per mission. `rng` is the policy's own `numpy.random.Generator`: draw from
-    nothing else, and the same seed gives the same mission. A function of `rng` that returns a policy works as well.
+    **Construction.** `MyPolicy(rng)`, once per mission. `rng` is the policy's own `numpy.random.Generator`: use no
+    other random numbers, so that the same seed gives the same mission. A function of `rng` that returns a policy works
+    as well.
 
     **Call.** `policy(observation, findings, site_map) -> action`, once per control step of 0.1 s:
 
@@ -43,8 +44,8 @@ class Policy(Protocol):
     waypoints that it has given up, from 1 (default: none). Both are logged.
 
     **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call: `info["truth"]` of
-    the environment's reset, with `full_info`. It is a reference for others, and its own results do not count. A
-    collision guard does not pass the truth on: put the guard inside, as `oracle` does.
+    the environment's reset, with `full_info`. Such a policy is a reference for others, and its own results do not
+    count. A collision guard does not pass the truth on: put the guard inside the policy, as `oracle` does.
 
     **Collisions.** The runner does not keep the robot away from obstacles.
     `pdpatrol.missions.policies.collision_guard.CollisionGuard` around a policy stops before anything that the lidar
@@ -54,8 +55,8 @@ class Policy(Protocol):
         def guarded(rng):
             return CollisionGuard(MyPolicy(rng))
 
-    **Errors.** An exception or an invalid action ends the mission; log, report and recording are complete. A module of
-    the same folder is imported as `from . import my_module`.
+    **Errors.** An exception or an invalid action ends the mission; log, report and recording are still written. Import
+    a module from the same folder with `from . import my_module`.
     """
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
@@ -89,7 +90,7 @@ def status_of(policy: object) -> tuple[Phase, tuple[int, ...]]:
     """Return phase and unreachable waypoints of any policy, with defaults for attributes that it does not have.
 
     Raises:
-        UserCodeError: If they are of another kind.
+        UserCodeError: If they have the wrong type.
     """
     phase, unreachable = getattr(policy, "phase", type(policy).__name__), getattr(policy, "unreachable", ())
     with calling(policy, "a `phase` of a word or two, and numbers of waypoints in `unreachable`"):
@@ -105,10 +106,10 @@ def believed_pose(observation: Observation) -> NDArray[np.float64]:
 
 
 def time_of(observation: Observation, site_map: SiteMap) -> float:
-    """Return the seconds since the mission began, at the precision of a remaining time in single precision.
+    """Return the time since the mission began, seconds, rounded like a remaining time in single precision.
 
-    Policies act on differences of times such as 0.5 s, so another rounding shifts their schedule by a step and changes
-    the mission: this one keeps missions comparable with stored ones.
+    Policies act on time differences such as 0.5 s, so another rounding would shift their schedule by a step and change
+    the mission. This one keeps missions comparable with stored ones.
     """
     limit_s = site_map.task.time_limit_s
     return limit_s - float(np.float32(limit_s - round(float(observation["time"][0]), 3)))

@@ -34,12 +34,13 @@ UNDETECTED_S = 20.0
 """Time of pursuit without a detection after which a candidate is set aside until it is detected again. Assumed."""
 
 KNOWN_M = 0.5
-"""Half-axis of the 95 % ellipse below which a candidate needs a new side instead of more information. Assumed."""
+"""Longer half-axis of the 95 % ellipse below which a candidate needs a view from a new side instead of more
+information. Assumed."""
 
 
 @dataclass
 class Pursuit:
-    """Time spent on a candidate.
+    """Times that a policy has spent on a candidate.
 
     Attributes:
         spent_s: Total time.
@@ -57,7 +58,7 @@ class Pursuit:
 
     @property
     def is_over(self) -> bool:
-        """True if more time would be wasted, or after 150 s (assumed) before and again after the route."""
+        """True if more time would be wasted, or the 150 s (assumed) are spent that a candidate may take."""
         return self.spent_s >= 150.0 or self.stagnant_s >= PATIENCE_S or self.undetected_s >= UNDETECTED_S
 
     def spend(self, target: Finding, time_s: float) -> None:
@@ -75,7 +76,7 @@ class Pursuit:
 
 
 class Seek:
-    """Patrols, views each candidate from several sides until it is confirmed, then returns to the route.
+    """Policy that patrols, views each candidate from several sides until it is confirmed, and returns to the route.
 
     Args:
         route_first: Leave a candidate when the route could not be finished in time otherwise.
@@ -107,7 +108,7 @@ class Seek:
                 self.phase = Phase("seek", target.id)
                 self._pursuits[target.id].spend(target, STEP_S)
                 return action
-            self._pursuits[target.id].spend(target, 25.0)  # charged for a dead end (assumed)
+            self._pursuits[target.id].spend(target, 25.0)  # cost of a candidate without a viewpoint (assumed)
             self._drop()
         action = self._patrol(observation, findings, site_map)
         self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
@@ -122,7 +123,7 @@ class Seek:
             target: The candidate.
             views_m: Places from which it has been viewed, shape (n, 2), n at least 1.
             pose: Estimated pose, shape (3,).
-            paths: Shortest paths from there.
+            paths: Shortest paths from that pose.
             site_map: Map of free ground and lines of sight.
         """
         return best_viewpoint(target.position_m, views_m, paths, site_map)
@@ -155,11 +156,11 @@ class Seek:
 
     def _pursue(self, target: Finding, pose: FloatArray, time_s: float, site_map: SiteMap) -> Action | None:
         """Drive to the current viewpoint; choose another when it is reached, outdated or too slow to reach."""
-        if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > 0.5:  # another view (assumed)
+        if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > 0.5:  # a new view (assumed)
             self._views_m.append(pose[:2].copy())
         drive = self._drive
         needs_another = drive is None or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map)
-        if needs_another or time_s - self._planned_s >= 3.0:  # searches for a better viewpoint (assumed)
+        if needs_another or time_s - self._planned_s >= 3.0:  # time to search for a better viewpoint (assumed)
             paths = site_map.reach(pose)
             mean_speed_mps = 0.6 * site_map.robot.max_speed_mps  # with stops and turns (assumed)
             route_s = self._patrol.remaining_m(paths, site_map) / mean_speed_mps
@@ -174,7 +175,7 @@ class Seek:
 
 
 class Active(Seek):
-    """Seek with the views along the path on which the ellipse is expected to become short enough soonest."""
+    """Variant of Seek that takes the path on which the ellipse is expected to become small enough soonest."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -183,12 +184,12 @@ class Active(Seek):
     def viewpoint(
         self, target: Finding, views_m: FloatArray, pose: FloatArray, paths: ShortestPaths, site_map: SiteMap
     ) -> FloatArray | None:
-        """Return the end of the fastest path on which the candidate is expected to become known well enough.
+        """Return the end of the fastest path on which the candidate is expected to be located accurately enough.
 
         Information is summed along the whole path, except within 0.6 m of earlier places of the robot, where errors are
-        the same. The path chosen before is kept while it takes at most 2 s longer (both assumed), because each change
-        costs a turn. A candidate that is known well but not confirmed, and one for which no path is sufficient, is
-        viewed from a new side. The expected half-axis must be less than `KNOWN_M`, because drives differ from plans.
+        the same. The previous path is kept while it takes at most 2 s longer (both assumed), because each change costs
+        a turn. A candidate that is located accurately but not confirmed, or for which no path suffices, is viewed from
+        a new side. A new path must lead to 0.8 times `KNOWN_M` (assumed), because drives differ from plans.
         """
         if target.semi_major_m <= KNOWN_M:
             return super().viewpoint(target, views_m, pose, paths, site_map)

@@ -1,8 +1,8 @@
-"""Viewpoints: where to go to view a candidate from another side, and the value of a view.
+"""Viewpoints: places from which to view a candidate from another side, and the value of a view.
 
 A single bearing says little about distance; bearings that differ by 60 degrees give a small ellipse. `best_viewpoint`
-trades the new angle that a place adds for the path to it, both in metres; `expected_information` is the information on
-the candidate's position per metre of path.
+weighs the new angle that a place adds against the path to it, both in metres; `expected_information` is the information
+on the candidate's position per metre of path.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ MAX_ELEVATION_RAD = np.radians(35.0)
 bearings with the computed helices are off by 4 degrees at 30 degrees of elevation, by 40 at 45."""
 
 MIN_PATH_M = 0.5
-"""Path length below which a place is not another view. Assumed."""
+"""Path length below which a place does not count as another view. Assumed."""
 
 
 def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatArray:
-    """Return the mean position of a candidate over its distance from a pose (3,), inside the fence; shape (3,).
+    """Return the mean position of a candidate over its possible distances from a pose (3,), inside the fence, (3,).
 
     Bearings determine the inverse of a distance r: with a standard deviation s, 1 / r is normal with s / r^2, so a
     candidate that seems near may be far. The prior is uniform along the line of sight. The distance is at least 1 cm,
-    so that a candidate at the robot's own place has a direction.
+    so that a candidate at the position of the robot has a direction.
     """
     sight_m = target.position_m[:2] - pose[:2]
     range_m = max(float(np.linalg.norm(sight_m)), 0.01)
     std_m = float(np.sqrt(sight_m @ target.covariance_m2[:2, :2] @ sight_m)) / range_m
     sigmas = np.linspace(-3.0, 3.0, 121)
-    share = 1.0 + sigmas * std_m / range_m  # of the inverse distance
+    share = 1.0 + sigmas * std_m / range_m  # factor of the inverse distance
     sigmas, longer = sigmas[share > 0.0], 1.0 / share[share > 0.0]
     is_inside = site_map.yard.contains(pose[:2] + np.multiply.outer(longer, sight_m))
     if not is_inside.any():
@@ -50,9 +50,9 @@ def best_viewpoint(
     """Return a place near a candidate that views it from a new side over a short path, else a sidestep.
 
     Viewpoints surround the candidate every 15 degrees at horizontal distances from 1.8 to 3.5 m, or farther if the
-    pattern is not known above `MAX_ELEVATION_RAD`: near enough to confirm it, clear of its equipment. They have at
-    least 15 degrees of new angle and line of sight, in which the last half metre does not count, because an estimate
-    may lie inside the surface. All assumed.
+    pattern is not known above `MAX_ELEVATION_RAD`: near enough to confirm it, clear of its equipment. They add at least
+    15 degrees of new angle and have a line of sight, whose last half metre does not count, because an estimate may lie
+    inside the surface. All assumed.
 
     Args:
         target_m: The candidate, shape (3,), world frame.
@@ -82,11 +82,11 @@ def best_viewpoint(
 
 
 def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
-    """Return the place nearby that adds most angle, preferably with line of sight; used without a viewpoint.
+    """Return the place nearby that adds the most angle, preferably with line of sight, if there is no viewpoint.
 
-    Paths to sidesteps are 2 to 12 m long: shorter ones change no angle, longer ones leave the candidate. A metre of
-    path costs 0.2 m, because sidesteps are far; line of sight is worth 2 m, and its last 1.5 m do not count, because a
-    candidate that cannot be approached is located less well. All assumed.
+    Paths to sidesteps are 2 to 12 m long: shorter ones hardly change the angle, longer ones leave the candidate. A
+    metre of path costs only 0.2 m, because sidesteps are far; line of sight is worth 2 m, and its last 1.5 m do not
+    count, because a candidate that cannot be approached is located less accurately. All assumed.
     """
     near = np.flatnonzero((paths.length_m > 2.0) & (paths.length_m < 12.0))
     if near.size == 0:
@@ -112,9 +112,9 @@ def worth(new_rad: FloatArray) -> FloatArray:
 
 
 def driving_time(paths: ShortestPaths, pose: FloatArray, site_map: SiteMap) -> FloatArray:
-    """Return the seconds to each cell from a pose (3,), with the first turn; shape (n_cells,), infinite if unreachable.
+    """Return the driving time from a pose (3,) to each cell, seconds, shape (n_cells,); infinite if unreachable.
 
-    Assumed: 75 % of the top speed, 60 % of the top yaw rate, and the first turn is to the path after 0.7 m.
+    Assumed: 75 % of the top speed, 60 % of the top yaw rate, and a first turn towards the path 0.7 m ahead.
     """
     away_m = site_map.centres_m[paths.cell_after(0.7)] - pose[:2]
     turn_rad = np.abs(difference(np.arctan2(away_m[:, 1], away_m[:, 0]), pose[2])) * (paths.length_m >= 0.7)

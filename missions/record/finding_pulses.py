@@ -17,7 +17,8 @@ from pdpatrol.missions.record.mission_log import MissionLog
 FloatArray = NDArray[np.float64]
 
 LEVEL_WINDOW_PULSES = 41
-"""Pulses of the moving median that removes the effect of the place from levels. Assumed; two seconds of a mission."""
+"""Pulses in the moving median that removes the effect of the robot's position from levels. Assumed; two seconds of a
+mission."""
 
 
 class FindingPulses(NamedTuple):
@@ -27,7 +28,7 @@ class FindingPulses(NamedTuple):
         pulse: Rows of the log's table `pulse`, shape (n,).
         time_s: End of the step of each pulse, shape (n,).
         range_m: Horizontal distance to the last position of the finding, shape (n,).
-        level_db: Strength corrected for range and gain, decibels over one volt at 1 m, shape (n,).
+        level_db: Strength corrected for range and gain, decibels relative to one volt at 1 m, shape (n,).
         phase_rad: Phase of the receiver's mains, shape (n,), in (-pi, pi]; NaN if unknown.
     """
 
@@ -56,7 +57,7 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
         at = pulse["step"][rows]
         position_m = table["position_m"][np.flatnonzero(table["id"] == number)[-1]]
         offset_m = position_m[:2] - step["pose"][at, :2]
-        range_m = np.maximum(np.linalg.norm(offset_m, axis=-1), 0.1)  # about the array's size
+        range_m = np.maximum(np.linalg.norm(offset_m, axis=-1), 0.1)  # about the size of the array
         chunks = np.array_split(azimuth[own], 1 + own.size // 10_000)  # half a kilobyte per pulse
         gain = np.concatenate([np.linalg.norm(manifold.gain(chunk), axis=0) for chunk in chunks])
         strength_v = np.linalg.norm(pulse["strengths_v"][rows], axis=-1)
@@ -68,7 +69,7 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
 
 
 def phase_patterns(log: MissionLog) -> dict[int, tuple[FindingPulses, PhasePattern]]:
-    """Return, by id, the pulses of known mains phase of each finding that has any, and the pattern they resemble.
+    """Return, by id, the pulses of each finding that have a known mains phase, and the pattern that they resemble.
 
     Their levels are also corrected for changes while the robot drives: obstruction, reflections, height.
 

@@ -205,7 +205,7 @@ class MissionLog:
         for table, columns in tables.items():
             for column, values in columns.items():
                 self._rows[table][column].extend(values)
-        for table in tables.keys() - {"event"}:  # those before the first step are of step 0
+        for table in tables.keys() - {"event"}:  # rows before the first step refer to step 0
             for other in tables.keys() & TABLES[table].keys() - {"finding"}:  # `association.finding` is an id
                 rows = self.column(table, other)
                 if rows.size and not (rows.min() >= 0 and rows.max() < self.n_rows(other)):

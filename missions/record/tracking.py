@@ -1,4 +1,4 @@
-"""Tracker: gives credible pulses to the Locator and logs what it finds, in missions and for field data."""
+"""Tracker: passes credible pulses to the Locator and logs its findings, in missions and for field data."""
 
 from __future__ import annotations
 
@@ -25,18 +25,20 @@ FloatArray = NDArray[np.float64]
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
 LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
-"""Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; the
-robot is elsewhere by then, and a survey of days does not need one for each place."""
+"""Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; by
+then the robot is elsewhere, and a survey of several days does not need one for each place."""
 
 
 class Tracker:
-    """Gives the credible pulses, consistent with a single plane wave, to a Locator; the only caller of its methods.
+    """Adapter that passes credible pulses, those consistent with a single plane wave, to a Locator.
+
+    No other code calls the Locator.
 
     Pulses, bearings, findings and their new states are logged in the last step of the log.
 
     Args:
         log: Log to write to, whose `meta` has the bounds of the yard.
-        locator: Locator that makes findings of pulses.
+        locator: Locator that makes findings from pulses.
         array: Data sheet and spread of the array.
         pose_error: Error of the poses.
         estimator: Estimator of the bearings.
@@ -46,7 +48,7 @@ class Tracker:
         findings: Findings so far.
 
     Raises:
-        UserCodeError: By any call, if a user's Locator raises an exception or breaks the contract.
+        UserCodeError: In any call, if a user's Locator raises an exception or breaks the contract.
     """
 
     def __init__(
@@ -99,7 +101,7 @@ class Tracker:
         self._has_contradicted = self._contradicts_calibration
 
     def refit(self, time_s: float) -> None:
-        """Fit all pulses again after the last one."""
+        """Fit all pulses again, after the last one of the mission."""
         with self._calling(FINDINGS):
             findings = self._locator.refit(time_s)
         self._update_findings(findings)

@@ -1,4 +1,4 @@
-"""Part of a log that is drawn at once, and the shapes that several views share."""
+"""Bins of a log, each drawn at once, and the shapes that several views share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pdpatrol.missions.record.mission_log import MissionLog
 
 @dataclass(frozen=True)
 class LogBin:
-    """Rows of a log that belong to a few consecutive steps; events may come without steps.
+    """Rows of a log that belong to a few consecutive steps; a bin may contain events without steps.
 
     Attributes:
         log: Log of the mission.

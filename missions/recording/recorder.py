@@ -50,7 +50,7 @@ class Recorder:
             self._draw_bin(self._n_drawn["step"] + self._bin_steps)
 
     def finish(self) -> None:
-        """Draw the rest of a log that will not grow any more."""
+        """Draw the rest of a log that no longer grows."""
         n_steps = self._log.n_rows("step")
         for end in range(self._n_drawn["step"] + self._bin_steps, n_steps, self._bin_steps):
             self._draw_bin(end)

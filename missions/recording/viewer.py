@@ -20,14 +20,14 @@ from pdpatrol.missions.recording.blueprint import blueprint
 from pdpatrol.missions.recording.recorder import Recorder, recording_stream
 
 LOOPBACK = "127.0.0.1"
-"""Rerun listens on all interfaces by default."""
+"""Address to listen on; by default, Rerun listens on all interfaces."""
 
 START_LIMIT_S = 60.0
 """Time after which a viewer is considered unable to start. Assumed; two seconds are usual."""
 
 
 class ViewerError(OSError):
-    """Reason why this machine cannot show a recording."""
+    """Raised if this machine cannot show a recording; the message is the reason."""
 
 
 def _check_screen() -> None:

@@ -17,12 +17,13 @@ from pdpatrol.sensing.radio.transmission import Sight
 
 
 def inspect_sites(log: MissionLog) -> SiteInspections | None:
-    """Work out which sites the path driven allowed the robot to inspect, from its estimated poses.
+    """Determine which sites the robot could inspect from its path, according to its estimated poses.
 
-    The discharge assumed is the one for which tours are planned.
+    The assumed discharge is the one for which tours are planned.
 
     Returns:
-        None without a map, without sites on it, or if a file that the scenario names no longer exists.
+        Inspection of the sites; None without a map, without sites on it, or if a file that the scenario names no longer
+        exists.
     """
     yard = known_yard(log)
     if yard is None or not yard.site_names():

@@ -39,7 +39,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
 
     Args:
         log: Log of a finished or killed mission.
-        wall_time_s: Computing time; the only figure that differs between two runs of one seed.
+        wall_time_s: Computing time; the only figure that differs between two runs with the same seed.
         inspection: Result of `inspect_sites`; None to omit the section.
     """
     step, events = log.table("step"), log.table("event")
@@ -88,7 +88,7 @@ def count_pulses(log: MissionLog) -> PulseCounts:
 
 
 def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[Any]]:
-    """Return the rows of the findings in one of the states as they stood before step `end`.
+    """Return the rows of the findings that were in one of the states just before step `end`.
 
     The log has a row for every finding at each step at which any of them changed.
     """
@@ -139,7 +139,7 @@ def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
         aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
         strength = None
         if number in pulses and pulses[number].time_s.size:
-            # all pulses of a place in field data have one time
+            # in field data, all pulses received at one place have the same time
             strength = _strength(pulses[number], aperture_deg, has_rate="field_data" not in log.meta)
         shown = {
             "position_m": tuple(position_m),
@@ -156,7 +156,7 @@ def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
 
 
 def _strength(pulses: FindingPulses, aperture_deg: float, *, has_rate: bool) -> Strength:
-    """Summarise the pulses of a finding, of which there is at least one."""
+    """Summarise the pulses of a finding, which has at least one."""
     duration_s = np.unique(np.floor(pulses.time_s)).size
     low_db, high_db, level_db = np.quantile(pulses.level_db, [0.1, 0.9, LEVEL_QUANTILE]).tolist()
     return Strength(

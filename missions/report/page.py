@@ -80,7 +80,7 @@ def report_page(log: MissionLog, report: Report) -> str:
 def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
     """Return the settings of the measurement, one line for each table, without empty values.
 
-    Yard and route are on the plan; sources are the truth.
+    Yard and route are omitted because the plan shows them, and sources because they are the truth.
     """
     known, lines = meta.get("scenario") or meta.get("settings", {}), dict[str, str]()
     for name in ("array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):

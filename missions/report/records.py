@@ -47,11 +47,11 @@ class PulseCounts(ReportPart):
     detected: Count
     """Pulses that triggered the receiver; the sum of the other fields."""
     not_credible: Count
-    """Not consistent with one plane wave, or too weak for a bearing."""
+    """Not consistent with a single plane wave, or too weak for a bearing."""
     of_findings: Count | None
     """Associated with findings and candidates."""
     unassigned: Count | None
-    """Consistent with no finding."""
+    """Not consistent with any finding."""
     ambiguous: Count | None
     """Consistent with several findings."""
     biased: Count | None
@@ -63,7 +63,7 @@ class PulseCounts(ReportPart):
 
 
 class Ellipse95(ReportPart):
-    """95 % ellipse of a position on plan."""
+    """95 % ellipse of a position in the horizontal plane."""
 
     semi_major_m: Length
     """Longer half-axis, metres."""
@@ -77,7 +77,7 @@ class Site(ReportPart):
     """Possible place of a finding."""
 
     name: str
-    """`equipment/site`; the equipment alone for another place on it; or `elsewhere`."""
+    """`equipment/site`; only `equipment` for another place on it; or `elsewhere`."""
     probability: Probability
     """Probability that the finding is there."""
 
@@ -90,11 +90,11 @@ class DischargeKind(ReportPart):
     confidence: Probability
     """Probability of `kind`; 1 for unknown with too few pulses."""
     shift_deg: Number
-    """Lead of the pattern over that of its kind at the receiver's mains phase."""
+    """Phase by which the pattern leads that of its kind, relative to the receiver's mains phase, degrees."""
     phase_step_deg: Number
     """Width of a column of `counts`, degrees of the receiver's mains phase; the first begins at 0."""
     lowest_db: Number
-    """Lower edge of the first row of `counts`, decibels over one volt at 1 m."""
+    """Lower edge of the first row of `counts`, decibels relative to one volt at 1 m."""
     level_step_db: Number
     """Height of a row of `counts`, decibels; the outer rows include levels beyond them."""
     counts: tuple[tuple[Count, ...], ...]
@@ -102,33 +102,33 @@ class DischargeKind(ReportPart):
 
 
 class Strength(ReportPart):
-    """Level, corrected for range and array gain, and rate of the pulses of a finding, and where they were detected."""
+    """Level and rate of the pulses of a finding, corrected for range and array gain, and where they were detected."""
 
     level_db: Number
-    """Upper quartile of the levels, decibels over one volt at 1 m."""
+    """Upper quartile of the levels, decibels relative to one volt at 1 m."""
     low_db: Number
-    """10 % quantile of the levels, decibels over one volt at 1 m."""
+    """10 % quantile of the levels, decibels relative to one volt at 1 m."""
     high_db: Number
-    """90 % quantile of the levels, decibels over one volt at 1 m."""
+    """90 % quantile of the levels, decibels relative to one volt at 1 m."""
     n_pulses: Count
     """Pulses associated with the finding, in line of sight or not."""
     duration_s: Length
-    """Seconds in which any were detected."""
+    """Total length of the time steps in which pulses were detected, seconds."""
     rate_per_s: Length | None
     """Pulses per second of `duration_s`; null for field data."""
     nearest_m: Length
-    """Smallest distance on plan at which they were detected, metres."""
+    """Smallest horizontal distance at which they were detected, metres."""
     farthest_m: Length
-    """Largest distance on plan at which they were detected, metres."""
+    """Largest horizontal distance at which they were detected, metres."""
     aperture_deg: Number
-    """Angle on plan that the lines of sight span, seen from the finding."""
+    """Horizontal angle that the lines of sight span, seen from the finding."""
 
 
 class FindingRecord(ReportPart):
     """Located discharge as estimated at the end of the mission."""
 
     id: int
-    """The same in log, recording, terminal and pages; candidates are numbered as well."""
+    """Number of the finding, the same in log, recording, terminal and pages; candidates are numbered as well."""
     state: Literal["confirmed", "candidate", "outside"]
     """`outside` is beyond the fence."""
     position_m: Point
@@ -138,7 +138,7 @@ class FindingRecord(ReportPart):
     covariance_m2: tuple[Point, Point, Point]
     """Covariance of x, y, z, world frame, square metres, including the errors of the array."""
     ellipse95: Ellipse95
-    """95 % ellipse on plan."""
+    """95 % ellipse in the horizontal plane."""
     sites: tuple[Site, ...]
     """Possible places, the most probable first, down to 1 %; empty without a map and beyond the fence."""
     discharge: DischargeKind | None
@@ -159,25 +159,25 @@ class SiteInspection(ReportPart):
     name: str
     """`equipment/site`."""
     state: Literal["inspected", "partly_inspected", "not_inspected"]
-    """Whether a discharge of `level_db` would have been detected from within `range_m` over `aperture_deg`, from fewer
-    directions, or from nowhere."""
+    """`inspected` if a discharge of `level_db` would have been detected from within `range_m` over `aperture_deg`;
+    `partly_inspected` if from fewer directions; `not_inspected` if from nowhere."""
     nearest_m: Length | None
-    """Smallest distance on plan in line of sight; null if beyond `range_m`."""
+    """Smallest horizontal distance in line of sight, metres; null if beyond `range_m`."""
     aperture_deg: Number
-    """Angle, seen from the site, over which it would have been detected."""
+    """Angle, seen from the site, over which the discharge would have been detected."""
     min_level_db: Number | None
-    """Weakest detectable discharge, decibels over one volt at 1 m; null if never in sight within `range_m`."""
+    """Weakest detectable discharge, decibels relative to one volt at 1 m; null if never in sight within `range_m`."""
 
 
 class SiteInspections(ReportPart):
-    """Inspection of the sites of the map from the poses driven; assumes a receiver and an array without faults."""
+    """Inspection of the sites of the map from the robot's poses; assumes a receiver and an array without faults."""
 
     range_m: Length
-    """Distance on plan within which findings can be confirmed, metres."""
+    """Horizontal distance within which findings can be confirmed, metres."""
     aperture_deg: Number
     """Aperture needed to confirm a finding."""
     level_db: Number
-    """Peak of the discharge assumed, decibels over one volt at 1 m."""
+    """Peak of the assumed discharge, decibels relative to one volt at 1 m."""
     sites: tuple[SiteInspection, ...]
     """Every site, in the order of the map."""
 
@@ -192,7 +192,7 @@ class SourceMatch(ReportPart):
     finding_id: int
     """Id of the finding."""
     error_m: Length
-    """Distance between finding and source on plan, metres."""
+    """Horizontal distance between finding and source, metres."""
     height_error_m: Number
     """Height of the finding above the source, metres."""
     inside_ellipse95: bool
@@ -202,7 +202,7 @@ class SourceMatch(ReportPart):
 
 
 class ScoredSource(ReportPart):
-    """True source and the confirmed finding within 2 m on plan that it is paired with."""
+    """True source, and the confirmed finding within 2 m horizontally that it is paired with."""
 
     name: str
     """Name in the scenario."""
@@ -211,7 +211,7 @@ class ScoredSource(ReportPart):
     found: bool
     """Whether a finding is paired with it."""
     match: SourceMatch | None
-    """Comparison with that finding; null if there is none."""
+    """Comparison with that finding; null if the source was not found."""
 
 
 class Scores(ReportPart):
@@ -242,7 +242,7 @@ class Report(ReportPart):
     policy: str | None
     """Driving policy; null for field data."""
     date: str | None
-    """Date of the inspection, as 2026-03-02; null if not given."""
+    """Date of the inspection, such as 2026-03-02; null if not given."""
     versions: dict[str, str]
     """Versions of the software that made the log, by name."""
     ending: str | None
@@ -254,7 +254,7 @@ class Report(ReportPart):
     distance_m: Length
     """Length of the path of the estimated poses, metres."""
     battery_left: Probability | None
-    """Remaining share of the battery; null for field data."""
+    """Remaining fraction of the battery's energy; null for field data."""
     collisions: Count
     """Number of contacts of the robot."""
     waypoints: Waypoints
@@ -266,13 +266,13 @@ class Report(ReportPart):
     channel_faults: tuple[str, ...]
     """Channels of the receiver that were excluded, and why."""
     calibration: tuple[str, ...]
-    """Contradictions between the pulses and the calibration used."""
+    """Contradictions between the pulses and the calibration that was used."""
     notes: tuple[str, ...]
     """Unusual properties of the data, and errors."""
     findings: tuple[FindingRecord, ...]
     """Confirmed findings, by id."""
     candidates: tuple[FindingRecord, ...]
-    """Sources not confirmed or beyond the fence, by id."""
+    """Findings that are not confirmed or lie beyond the fence, by id."""
     inspection: SiteInspections | None
     """Inspected sites; null without a map with sites."""
     evaluation: Scores | None

@@ -23,9 +23,9 @@ def evaluate(
 ) -> Scores:
     """Score findings against the truth.
 
-    Findings and sources are paired one to one by smallest total distance on plan, with a cut-off of 2 m. A source has
-    the right site if no known site is nearer to the finding than the source itself. OSPA has c = 2 m, p = 1: the mean
-    over the larger set of the paired distances, where each unpaired member counts 2 m.
+    Findings and sources are paired one to one by smallest total horizontal distance, with a cut-off of 2 m. A source
+    has the right site if no known site is nearer to the finding than the source itself. OSPA has c = 2 m, p = 1: the
+    mean over the larger set of the paired distances, where each unpaired member counts 2 m.
 
     Args:
         findings: Confirmed findings.

@@ -18,7 +18,7 @@ PULSE_CLASSES = {
     "echo": "multipath of a finding",
     "not_credible": "rejected: not a single plane wave, or too weak for a bearing",
 }
-"""Description of each field of `PulseCounts` but the total."""
+"""Description of each field of `PulseCounts` except the total."""
 
 TIME_FRAMES = ("at the next planned inspection", "within three months", "within one month", "within one week")
 """Time frames of actions, by urgency. Assumed."""
@@ -87,8 +87,8 @@ PHASES = {
 def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
     """Return the recommended action for a finding, its time frame, and the rule that led to them.
 
-    The rule of a kind applies from a confidence of 80 % on. A level of one volt at 1 m or more is one step more urgent.
-    Both are assumed.
+    The rule of a kind applies from a confidence of 80 % on. A level of at least one volt at 1 m raises the urgency by
+    one step. Both are assumed.
     """
     discharge, strength = finding.discharge, finding.strength
     kind = discharge.kind if discharge is not None and discharge.confidence >= 0.8 else "unknown"

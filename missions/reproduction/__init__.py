@@ -1,1 +1,1 @@
-"""Comparison of every exhibit of the Dir-MUSIC paper with the methods of this project."""
+"""Reproduction of every table and figure of the Dir-MUSIC paper, by its own methods and those of this project."""

@@ -17,7 +17,7 @@ from scipy.stats import betabinom, binomtest, chi2, kurtosis, norm, t
 FloatArray = NDArray[np.float64]
 
 SUCCESS_DEG = 2
-"""Success is an error of at most this. The paper writes "less than"; its numbers mean "at most"."""
+"""Largest error that counts as a success. The paper writes "less than"; its numbers mean "at most"."""
 
 PAPER_TRIALS = 3600
 """Trials of each cell of the paper."""
@@ -28,7 +28,7 @@ TAILS = np.array([0.025, 0.975])
 
 @cache
 def published() -> dict[str, Any]:
-    """Load the titles, the numbers and the slips of the paper's exhibits; slips in numbers are corrected."""
+    """Load titles, numbers and misprints of the paper's tables and figures; the numbers are already corrected."""
     return json.loads(Path(__file__).with_name("published.json").read_text(encoding="utf-8"))
 
 
@@ -39,8 +39,8 @@ class Measured:
     Attributes:
         value: The statistic.
         interval: Its 95 % interval, or empty.
-        predicted: Interval that holds the statistic of `PAPER_TRIALS` new trials in 95 of 100 cases. It is wider for
-            fewer trials, because the measured value is not taken for the truth.
+        predicted: 95 % prediction interval for the statistic of `PAPER_TRIALS` new trials. Fewer measured trials make
+            it wider, because it includes the uncertainty of the measured value.
     """
 
     value: float
@@ -52,12 +52,12 @@ Statistic = Callable[[FloatArray], Measured]
 
 
 def _measured(value: float, interval: ArrayLike, predicted: ArrayLike) -> Measured:
-    """Make a record of Python numbers, which JSON can hold."""
+    """Make a record with plain Python numbers, which JSON can represent."""
     return Measured(float(value), np.asarray(interval).tolist(), np.asarray(predicted).tolist())
 
 
 def accuracy(errors_deg: FloatArray) -> Measured:
-    """Return the percentage of successes: exact binomial interval, beta-binomial prediction from Jeffreys' prior."""
+    """Return the percentage of successes, with an exact binomial interval and a beta-binomial prediction (Jeffreys)."""
     hits, n = int((np.abs(errors_deg) <= SUCCESS_DEG + 1e-9).sum()), errors_deg.size
     interval = binomtest(hits, n).proportion_ci(float(np.diff(TAILS)[0]), method="exact")
     predicted = betabinom.ppf(TAILS, PAPER_TRIALS, hits + 0.5, n - hits + 0.5) / PAPER_TRIALS
@@ -65,7 +65,7 @@ def accuracy(errors_deg: FloatArray) -> Measured:
 
 
 def mean(errors: FloatArray) -> Measured:
-    """Return the mean: normal interval, prediction from Student's t distribution."""
+    """Return the mean, with a normal interval and a prediction from Student's t distribution."""
     value, n = errors.mean(), errors.size
     interval = value + norm.ppf(TAILS) * errors.std() / np.sqrt(n)
     predicted = value + errors.std(ddof=1) * np.sqrt(1.0 / PAPER_TRIALS + 1.0 / n) * t.ppf(TAILS, n - 1)
@@ -73,7 +73,10 @@ def mean(errors: FloatArray) -> Measured:
 
 
 def spread(errors: FloatArray) -> Measured:
-    """Return the standard deviation: interval of a normal sample, normal-limit prediction for any kurtosis."""
+    """Return the standard deviation, with the interval of a normal sample and an asymptotic prediction.
+
+    The prediction holds for any kurtosis; it takes the sample standard deviation as normal, the limit for many trials.
+    """
     n = errors.size
     interval = errors.std() * np.sqrt((n - 1) / chi2.ppf(TAILS[::-1], n - 1))
     relative_std = 0.5 * np.sqrt((kurtosis(errors, fisher=False) - 1.0) * (1.0 / PAPER_TRIALS + 1.0 / n))
@@ -117,7 +120,7 @@ class Row:
 
     @property
     def is_met(self) -> bool | None:
-        """True if the number, printed with two decimals, lies where predicted; None if the paper has none."""
+        """True if the number, printed with two decimals, lies in its predicted interval; None if none is printed."""
         low, high = self.paper_method.predicted
         return None if self.paper is None else low - 0.005 <= self.paper <= high + 0.005
 
@@ -140,12 +143,12 @@ class Exhibit:
     """Table or figure of the paper.
 
     Attributes:
-        name: Key in the JSON file and name of its picture.
+        name: Key in the JSON file, and name of the picture.
         title: Name in words, a colon, and a description.
         rows: The numbers; empty for a figure without any.
         notes: Methods, errors of the paper, and numbers that cannot be matched.
-        explanation: Likely reason why printed numbers do not lie where predicted.
-        draw: Function that draws its figure; None for bars of the rows.
+        explanation: Likely reason why printed numbers lie outside their predicted intervals.
+        draw: Function that draws the figure; None to draw the rows as bars.
     """
 
     name: str
@@ -166,7 +169,7 @@ def verdict(exhibits: Sequence[Exhibit]) -> tuple[str, list[str]]:
     """Compare all printed numbers with their predictions.
 
     Returns:
-        A summary, and a line for each number that does not lie where predicted.
+        A summary, and a line for each number that lies outside its predicted interval.
     """
     compared = [(exhibit, row) for exhibit in exhibits for row in exhibit.rows if row.paper is not None]
     misses = [

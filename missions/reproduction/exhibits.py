@@ -1,4 +1,4 @@
-"""Exhibits of the paper and of its successor, but for the field test."""
+"""Tables and figures of the paper and of its successor, except the field test."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from pdpatrol.missions.reproduction.simulation import (
 FloatArray = NDArray[np.float64]
 
 PHASE_APERTURE = 0.345
-"""Wavenumber times ring radius of the phase method, radians: not printed, fitted to the paper's cell at -10 dB."""
+"""Wavenumber times ring radius of the phase method, radians. Not printed; fitted to the paper's cell at -10 dB."""
 
 
 def illustrations(trials: Trials) -> tuple[Exhibit, ...]:
@@ -49,7 +49,7 @@ def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
     four = six.take(range(4))
 
     def draw(snr_db: float, n: int, rng: np.random.Generator) -> tuple[FloatArray, ...]:
-        true_deg = rng.choice(GRID_DEG, 40 * n)  # covariances from their exact law cost little
+        true_deg = rng.choice(GRID_DEG, 40 * n)  # covariances from their exact distribution are cheap
         gain = six.gain(np.radians(true_deg)).T
         rho = energy_to_noise(gain, snr_db)
         covariance = _covariances(gain, rho, N_RECORD, rng)
@@ -76,7 +76,7 @@ def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
 def _figure4(
     true_paper: FloatArray, true_best: FloatArray, paper_deg: FloatArray, rounded_deg: FloatArray, best_deg: FloatArray
 ) -> Exhibit:
-    """Make Fig. 4 of equal numbers of trials of both methods, because a range grows with the trials."""
+    """Make Fig. 4 from equal numbers of trials of both methods, because a range grows with the number of trials."""
     n, rows = best_deg.size, list[Row]()
     for printed, statistic in zip(published()["fig4"]["rows"], (mean, spread, least, largest), strict=True):
         row = compare(printed, paper_deg[:n], rounded_deg, best_deg, statistic=statistic)
@@ -86,7 +86,7 @@ def _figure4(
 
 
 def manifold_errors(trials: Trials) -> tuple[Exhibit, ...]:
-    """Make Fig. 5: a new error U(-D, D) of each element and trial."""
+    """Make Fig. 5: a new uniform error U(-D, D) for each element and trial."""
     rows = list[Row]()
     for cell, printed in enumerate(published()["fig5"]["rows"]):
         errors = _ring_errors(trials, 5, cell, half_width=printed["half_width"])
@@ -134,7 +134,7 @@ def _ring_errors(
     n_gate: int = 60,
     n_draws: int = 10,
 ) -> list[FloatArray]:
-    """Return errors at 10 dB by the paper's method, by the best method rounded to the grid, and by that unrounded.
+    """Return errors at 10 dB by the paper's method and by the best method, rounded to the grid and unrounded.
 
     Args:
         trials: Trials of the best method.

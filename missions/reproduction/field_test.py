@@ -1,4 +1,4 @@
-"""Table 3, the field test, in the scenario `paper_field`: a thousand draws, of ten arrays and of one."""
+"""Table 3, the field test, in the scenario `paper_field`: a thousand draws, each with ten arrays and with one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 
 def field_test(trials: Trials) -> tuple[Exhibit, ...]:
-    """Make Table 3: where the printed means lie among those that a fixed error U(-0.06, 0.06) gives.
+    """Make Table 3: compare the printed means with the distribution that a fixed error U(-0.06, 0.06) gives.
 
     The paper calls its error fixed. Each draw is made in both ways: with ten arrays, one for each position, so that the
     errors at the positions are independent; and with one array at all ten.

@@ -120,7 +120,7 @@ def write_reproduction(made: Sequence[Exhibit], trials: int, seed: int, folder: 
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """Return a label and a text for each of `COLUMNS`; a star marks a printed number that was not met."""
+    """Return a label and a text for each of `COLUMNS`; a star marks a printed number outside its predicted interval."""
     printed = "-" if row.paper is None else f"{row.paper:g}{'*' * (row.is_met is False)}"
     numbers = [_number(each, row.unit) for each in (row.paper_method, row.best_method, row.unrounded)]
     return f"{row.label} (deg)" if row.unit == "deg" else row.label, printed, *numbers

@@ -1,1 +1,1 @@
-"""Many missions: planned, run side by side, kept row by row so that nothing is lost, and summed up."""
+"""Sweeps of many missions: planning, running in parallel, storing a row for each mission, and statistics."""

@@ -47,7 +47,7 @@ def clustered_share(counts: ArrayLike, totals: ArrayLike) -> Estimate:
     """Estimate a proportion whose trials come in clusters, such as the sources of one mission.
 
     Trials of one cluster may succeed or fail together. Wilson's formula therefore takes the effective number of
-    trials: their number over the design effect (variance between clusters over that of independent trials), times
+    trials: their number divided by the design effect (variance between clusters over that of independent trials), times
     (z / t)^2 with k - 1 degrees of freedom for k clusters (Korn and Graubard 1998). Where all trials have the same
     result, the design effect cannot be estimated and a cluster counts as a single trial.
 
@@ -81,8 +81,8 @@ def cluster_bootstrap(
 ) -> Estimate:
     """Estimate a statistic of clustered values with a bootstrap interval that resamples whole clusters.
 
-    The percentiles are widened for few clusters (Hesterberg 2015, section 5.3). The generator is fixed, so that the
-    same data give the same interval. Fewer than two clusters give no interval.
+    The percentiles are widened for few clusters (Hesterberg 2015, section 5.3). The seed is fixed, so that the same
+    data give the same interval. Fewer than two clusters give no interval.
 
     Args:
         clusters: Values of each cluster; NaN, infinite values and empty clusters are ignored.
@@ -141,8 +141,8 @@ def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
         - `in ellipse (%)`: share of the found sources inside the 95 % ellipse of their finding
         - `right site (%)`: share of the found sources whose finding names the right site
         - `time to confirm (s)`: median over the found sources
-        - `path length over shortest`: median path length until all sources were confirmed over the shortest one, over
-          missions that found all sources and did not start within reach of them
+        - `path length over shortest`: median ratio of the path length until all sources were confirmed to the shortest
+          one, over missions that found all sources and did not start within reach of them
         - `OSPA (m)`: mean OSPA distance between findings and sources
         - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
           not visited
@@ -206,7 +206,7 @@ def _summarise(missions: Frame, by: str) -> Summary:
 
 
 def pair_up(rows: pa.Table, first: str, second: str) -> tuple[Frame, Frame]:
-    """Select the finished missions of two sides of a sweep that share scenario, seed and everything else.
+    """Select the finished missions of two sides of a sweep that agree in scenario, seed and everything else.
 
     Args:
         rows: Rows of the sweep.
@@ -252,8 +252,8 @@ class Difference(NamedTuple):
 
     Attributes:
         name: Name of the measure, with its unit.
-        n: Number of pairs of a scenario and a seed. Missions that share both meet the same sources and emissions, so
-            that their differences are averaged first.
+        n: Number of pairs of a scenario and a seed. Missions that share both have the same sources and emissions, so
+            their differences are averaged first.
         first: Mean of the first side.
         second: Mean of the second side.
         change: Mean of second minus first, with its bootstrap interval.

@@ -40,7 +40,7 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
 
 
 def missions_with_sources(rows: pa.Table) -> Frame:
-    """Return the finished missions of a dataset in whose yard there is a source."""
+    """Return the finished missions of a dataset whose yard contains a source."""
     missions: Frame = rows.to_pandas()
     return missions[(missions["status"] == "finished") & (missions["n_sources"] > 0)]
 

@@ -30,7 +30,7 @@ class MissionJob(NamedTuple):
         suite: Version and checksum of the suite; empty for any other scenario.
         scenario: Scenario with its settings.
         scenario_digest: SHA-256 of the scenario as JSON, in hexadecimal digits.
-        policy: Name of the policy, as `pdpatrol.missions.policies.make_policy` takes it.
+        policy: Name of the policy, as `pdpatrol.missions.policies.make_policy` accepts it.
         settings: Keys of the scenario that the sweep sets, with their values.
         seed: Seed of the mission.
     """
@@ -68,7 +68,7 @@ def make_plan(
 
     Args:
         scenarios: Names of shipped scenarios, paths of TOML files, or the suite and parts of it, as
-            `pdpatrol.envs.scenario.suite.choose_yards` takes them.
+            `pdpatrol.envs.scenario.suite.choose_yards` accepts them.
         policies: Names of policies, or the user's own as my_file.py:MyPolicy.
         grid: Values of each key of the scenario, `table.key`, that the sweep sets.
         seeds: Seeds of the missions; None for those of the suite, and for 0 to 19 in any other scenario.
@@ -77,7 +77,7 @@ def make_plan(
         UserCodeError: If a policy cannot be loaded.
         InputFileError: With all errors, if a scenario cannot be loaded, or a setting is invalid.
     """
-    errors: dict[str, str] = {}  # by their text without the file, so that an error in many yards is one line
+    errors: dict[str, str] = {}  # keys omit the file, so that an error in many yards is one line
     for policy in set(policies):
         load_maker(policy)
     suite = load_suite()

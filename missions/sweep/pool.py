@@ -1,4 +1,4 @@
-"""Missions on local processes: one that hangs, dies or runs out of memory becomes a row and stops nothing."""
+"""Missions in local processes: one that hangs, dies or runs out of memory becomes a row and does not stop the rest."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from pdpatrol.missions.sweep.dataset import MissionRow
 from pdpatrol.missions.sweep.plan import MissionJob
 
 ATTEMPTS = 3
-"""Number of times a mission is started before a process that dies is recorded as its result. Assumed; it only has to
-outlast processes that are killed for other reasons."""
+"""Number of times a mission is started before a process that dies is recorded as its result. Assumed; the first
+processes may have been killed for reasons other than the mission."""
 
 
 OUT_OF_MEMORY = 75
@@ -149,7 +149,7 @@ def _end_with_parent() -> None:
 
 
 def run_job(job: MissionJob) -> MissionRow:
-    """Run one mission in a worker and return its row, also if it raises; end the worker if memory runs out."""
+    """Run one mission in a worker and return its row, even if it raises; end the worker if memory runs out."""
     start_s = time.perf_counter()
     try:
         mission = Mission(job.scenario, job.policy, job.seed)
@@ -160,7 +160,7 @@ def run_job(job: MissionJob) -> MissionRow:
         return MissionRow.of_log(job, log, time.perf_counter() - start_s, peak_kib * 1024 / 1e6)
     except Exception as error:
         if is_out_of_memory(error):
-            os._exit(OUT_OF_MEMORY)  # the memory is not reliably free for the next mission
+            os._exit(OUT_OF_MEMORY)  # the memory is not reliably freed for the next mission
         return MissionRow.of_failure(job, "failed", traceback.format_exc())
 
 

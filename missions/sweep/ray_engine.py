@@ -87,7 +87,7 @@ def run_in_ray(
 
 
 def _check_address(address: str) -> None:
-    """Check that something answers at HOST:PORT, where Ray itself would try for a quarter of an hour."""
+    """Check that a server answers at HOST:PORT; Ray itself would keep trying for a quarter of an hour."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     try:
         if host:
@@ -106,7 +106,7 @@ def run_on_node(job: MissionJob, limits: MissionLimits, code: str, folder: str) 
         folder: Working directory there; used here too if it exists, for the user's files.
 
     Raises:
-        EngineError: If this node has other code.
+        EngineError: If the code on this node is different.
     """
     if digest_of_code() != code:
         raise EngineError("it has another version of pdpatrol; install the same on all nodes")
