@@ -28,7 +28,7 @@ from pdpatrol.missions.sweep.tables import cells, markdown
 DOCS = Path(__file__).parent
 POLICIES = ("seek", "active", "patrol", "random", "oracle")
 RENAMED_KEYS = {"locating.fix": "locating.solver"}
-"""Keys of the scenario that have another name now than in the stored sweeps."""
+"""Keys of the scenario that had other names when the sweeps were stored."""
 
 BASIC = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
 QUESTIONS = {
@@ -40,11 +40,11 @@ QUESTIONS = {
     "faults": (("receiver.faults",), ("bearing RMSE (deg)", *BASIC)),
     "speed": (("robot.max_speed_mps",), (*BASIC, "contacts", "missed")),
 }
-"""Settings that a stored sweep varies, the first on the axis of its figure, and columns of its table."""
+"""Settings that each stored sweep varies, with the one on the axis of its figure first, and columns of its table."""
 
 
 def rows_of(name: str) -> pa.Table:
-    """Read a stored dataset, with its settings under their present names."""
+    """Read a stored dataset, with the current names of its settings."""
     rows = read_all([Dataset(DOCS / "results" / name)])
     settings = [
         json.dumps({RENAMED_KEYS.get(key, key): value for key, value in json.loads(text).items()}, sort_keys=True)
@@ -64,7 +64,7 @@ def settings_table(name: str) -> str:
 
 
 def worth_table() -> str:
-    """Make a table of the parts that can be exchanged: array, estimator and solver, robot."""
+    """Make a table of the effect of exchanging parts: array, estimator and solver, robot."""
     headings = ("bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
     lines: list[list[str]] = []
     for name in ("elements", "methods", "robots"):
@@ -76,7 +76,7 @@ def worth_table() -> str:
 
 
 def policies_table() -> str:
-    """Make a table of policies by levels: share found, and below it other figures over all levels."""
+    """Make a table of policies by level: the share of sources found, and below it other figures over all levels."""
     texts = {(s["group"], s["policy"]): cells(s) for s in summarise_groups(rows_of("policies"))}
     levels = [level for level in dict.fromkeys(level for level, _ in texts) if level != "quiet"]
     lines = [[str(level), *(texts[level, policy]["found (%)"] for policy in POLICIES)] for level in levels]

@@ -1,4 +1,4 @@
-"""Make radio.png: level of a discharge behind a transformer all over a yard, coherent and as power.
+"""Draw radio.png: level across a yard of a discharge behind a transformer, as coherent sum and as sum of powers.
 
 uv run python docs/pictures/make_radio.py
 """

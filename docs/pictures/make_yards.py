@@ -42,7 +42,7 @@ HERE = Path(__file__).parent
 PIXELS_PER_M = 28.0
 ELEVATION_RAD = np.radians(-62.0)
 MARGIN_M = 1.5
-"""Ground shown beyond the fence."""
+"""Width of the strip of ground shown beyond the fence."""
 
 ROUTE_COLOUR, DOCK_COLOUR = "#0b5cad", "#d81b60"
 OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
@@ -71,7 +71,7 @@ def draw_yard(panel: Axes, scenario: Scenario) -> None:
     half_y *= -np.sin(ELEVATION_RAD)
     width, height = (round(2.0 * PIXELS_PER_M * half) for half in (half_x, half_y))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.global_.fovy = 2.0 * half_y  # of an orthographic camera, in metres
+    spec.visual.global_.fovy = 2.0 * half_y  # in metres for an orthographic camera
     spec.visual.quality.shadowsize = 8192
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -103,7 +103,7 @@ def draw_route(panel: Axes, scenario: Scenario) -> None:
 
 
 def on_picture(points_m: ArrayLike, scenario: Scenario) -> FloatArray:
-    """Return the places of points (..., 2) of the ground on the picture, metres from its centre."""
+    """Return the positions in the picture of points (..., 2) on the ground, metres from its centre."""
     return (np.asarray(points_m) - middle(scenario)) * (1.0, -np.sin(ELEVATION_RAD))
 
 

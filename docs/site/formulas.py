@@ -19,7 +19,7 @@ BEFORE_CODE = 26
 
 
 class Formulas(Preprocessor):
-    """Converts the formulas of a page."""
+    """Preprocessor that converts the formulas of a page."""
 
     def run(self, lines: list[str]) -> list[str]:
         """Return the lines of a page with its formulas converted."""

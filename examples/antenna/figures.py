@@ -11,16 +11,16 @@ from matplotlib.projections.polar import PolarAxes
 from moments import FINE_DEG, FloatArray, Pattern
 
 REFERENCE_GHZ = 1.75
-"""Middle of the band of the array."""
+"""Centre of the frequency band of the array."""
 SHOWN_GHZ = (1.3, 1.6, 1.8, 2.0, 2.3)
 FLOOR_DB, CEILING_DB = -30.0, 3.0
 WORDS = {"azimuth": ("ahead", "left", "behind", "right"), "elevation": ("ahead", "up", "behind", "down")}
-"""Directions that each cut passes, in quarters of its circle."""
+"""Names of the directions along each cut, a quarter of a circle apart."""
 COLOURS = {"alone": "tab:blue", "in the ring": "tab:orange"}
 
 
 def reference(patterns: dict[float, Pattern]) -> float:
-    """Return the largest gain at the frequency nearest to `REFERENCE_GHZ`; of two, the lower one."""
+    """Return the largest gain at the frequency nearest to `REFERENCE_GHZ`, the lower one if two are equally near."""
     nearest = min(patterns, key=lambda f: (round(abs(f - REFERENCE_GHZ), 9), f))
     return float(patterns[nearest].both.max())
 
@@ -45,7 +45,7 @@ def half_power_deg(cut: FloatArray) -> tuple[float, float]:
 
 
 def summary(patterns: dict[float, Pattern]) -> str:
-    """Format figures of merit by frequency as Markdown; the gain is that of both parts on boresight, over isotropic."""
+    """Format figures of merit by frequency as Markdown; the gain is that of both parts on boresight, in dBi."""
     lines = [
         f"{extent(patterns)}\n",
         "| GHz | gain dBi | axial ratio dB | half-power width deg: azimuth, elevation | its middle deg: left, up "
@@ -71,13 +71,13 @@ def summary(patterns: dict[float, Pattern]) -> str:
 
 
 def extent(patterns: dict[float, Pattern]) -> str:
-    """Describe the number of segments, and the radiated power over the power fed in."""
+    """Describe the number of segments, and the ratio of radiated power to the power fed in."""
     n_segments, balance = next(iter(patterns.values())).n_segments, sorted(p.balance for p in patterns.values())
     return f"{n_segments} segments, power balance {balance[0]:.3f} to {balance[-1]:.3f}"
 
 
 def changes(before: dict[float, Pattern], after: dict[float, Pattern]) -> str:
-    """Describe the change of the gain relative to the reference, where it is above a tenth and anywhere."""
+    """Describe the change of the relative gain, both where the gain is above 0.1 and in all directions."""
     a, b = (np.array([p.both for p in some.values()]) / reference(some) for some in (before, after))
     main_db = np.abs(decibel(b / a))[b > 0.1]
     return (
@@ -92,7 +92,7 @@ def decibel(amplitude: FloatArray | float) -> FloatArray:
 
 
 def draw(path: Path, solved: dict[str, dict[float, Pattern]]) -> None:
-    """Draw azimuth and elevation cuts, alone and in the ring, in dB over the reference of the element alone."""
+    """Draw azimuth and elevation cuts, alone and in the ring, in dB relative to the reference of the element alone."""
     mpl.use("agg")
     alone = next(iter(solved.values()))
     shown = [f for f in alone if f in SHOWN_GHZ] or list(alone)[: len(SHOWN_GHZ)]

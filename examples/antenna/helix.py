@@ -9,14 +9,14 @@
 The engine is NEC-2 as packaged by PyNEC (GPL-3.0). Only this script uses it; pdpatrol does not depend on it.
 
 Frame of the element: boresight along +x (azimuth 0, elevation 0), y to the left, z up. Wires are perfect conductors,
-and the model holds only the antennas: no ground, no robot. The column `gain` is the amplitude received from a linearly
-polarised wave, as root mean square over the direction of its polarisation, per root of accepted power,
+and the model contains only the antennas: no ground, no robot. The column `gain` is the amplitude received from a
+linearly polarised wave, as root mean square over the direction of its polarisation, per root of accepted power,
 
     gain = sqrt(G(f, direction) / G_ref),    G = 4 pi (U_right + U_left) / (P_radiated + P_loads),
 
-where G_ref is the largest G of the table at the frequency nearest to 1.75 GHz (of two, the lower one). Waves of
-discharges are linearly polarised, so both circular parts are received. From behind, the left-handed part is the larger
-one: there the right-handed part alone would be 20 to 42 dB down, but a linear wave is only 7 to 19 dB down.
+where G_ref is the largest G of the table at the frequency nearest to 1.75 GHz (the lower one if two are equally near).
+Waves of discharges are linearly polarised, so both circular parts are received. From behind, the left-handed part is
+the larger one: there the right-handed part alone would be 20 to 42 dB down, but a linear wave is only 7 to 19 dB down.
 
 Mismatch at the feed is not included: a receiver matched at each frequency is assumed. By reciprocity the gain holds for
 reception.
@@ -39,7 +39,7 @@ TABLES = {"helix": 1, "helix_in_ring": 6}
 """Number of elements of each table; the first element is fed."""
 USUAL = Helix()
 OTHER_LOAD_OHM = 50.0
-"""Load of the other elements of the ring under `check`."""
+"""Load of the other elements of the ring in the comparison of `--check`."""
 SMALLEST_GAIN = 1e-4
 """Smallest gain in a table; pdpatrol requires gains above 0."""
 

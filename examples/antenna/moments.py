@@ -16,16 +16,16 @@ ComplexArray = NDArray[np.complex128]
 ETA_OHM = 376.730313
 """Wave impedance of free space."""
 FINE_DEG = 2.5
-"""Step of the computed directions; tables hold every n-th."""
+"""Step of the computed directions; tables contain every n-th direction."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Helix:
     """Right-handed axial-mode helix on a square plate, and the ring of such elements.
 
-    Circumference, pitch and turns are those of the textbook for 1.75 GHz: about one wavelength, 12 to 14 degrees, more
-    than three turns (Kraus, Antennas, 1988, ch. 7). A pin leads from the plate, below the axis, to the winding, and is
-    fed where it meets the winding.
+    Circumference, pitch and number of turns follow the textbook for 1.75 GHz: about one wavelength, 12 to 14 degrees,
+    more than three turns (Kraus, Antennas, 1988, ch. 7). A pin leads from the plate, below the axis, to the winding,
+    and is fed where it meets the winding.
     """
 
     turns: int = 4
@@ -61,7 +61,7 @@ class Pattern(NamedTuple):
     Attributes:
         right: Right-handed circular part, shape (73, 144): elevation from 90 down, azimuth from 0 up, `FINE_DEG` each.
         left: Left-handed circular part, same shape.
-        balance: Power radiated and lost in loads, over the power fed in; 1 if the solution is exact.
+        balance: Ratio of the power radiated and lost in loads to the power fed in; 1 if the solution is exact.
         impedance_ohm: Impedance at the feed.
         coupled: Fraction of the accepted power that is lost in the loads of the other elements.
         n_segments: Number of unknowns.
@@ -81,7 +81,7 @@ class Pattern(NamedTuple):
 
 
 def add_element(geometry: PyNEC.c_geometry, helix: Helix, mesh: Mesh) -> int:
-    """Add the wires of one element, the fed pin first, with its plate at x = ring radius; return how many segments."""
+    """Add the wires of one element, fed pin first, with its plate at x = ring radius; return the number of segments."""
     spacing_m, radius_m = helix.plate_m / mesh.cells, helix.circumference_m / (2 * np.pi)
     turn = np.arange(helix.turns * mesh.per_turn + 1) / mesh.per_turn
     angle, advance_m = 2 * np.pi * turn - np.pi / 2, helix.circumference_m * np.tan(np.radians(helix.pitch_deg))

@@ -30,11 +30,11 @@ from pdpatrol.envs.wrappers import Flattener, bearings_only, bearings_only_space
 
 Array = NDArray[Any]
 Steering = Callable[[Observation], Array]
-"""Function from the observations of all robots, as of `bearings_only`, to their actions, shape (n_robots, 2)."""
+"""Function that maps the observations of all robots, as from `bearings_only`, to their actions, shape (n_robots, 2)."""
 
 N_ROBOTS = 64
 N_STEPS = 128
-"""Steps of each robot between two updates: 13 s of an episode of at most 90 s."""
+"""Steps of each robot between two updates: 13 s out of at most 90 s of an episode."""
 
 CURVE_SEED, CURVE_YARDS = 900_000, 50
 EVALUATION_SEED = 1_000_000
@@ -101,14 +101,14 @@ class FlatVecEnv(VecEnv):
 
 
 def towards_last_bearing(observation: Observation) -> Array:
-    """Turn towards the last bearing, and drive the faster the more it is ahead."""
+    """Turn towards the last bearing, and drive faster the closer it is to straight ahead."""
     ahead, left = observation["bearing"][..., 0], observation["bearing"][..., 1]
     turn = np.clip(1.5 * np.arctan2(left, ahead), -1.0, 1.0)
     return np.stack([np.clip(ahead, 0.0, 1.0), turn], axis=-1).astype(np.float32)
 
 
 def random_steering(seed: int, hold_steps: int = 10) -> Steering:
-    """Return a steering that draws new random actions every `hold_steps` steps."""
+    """Return a steering function that draws new random actions every `hold_steps` steps."""
     rng = np.random.default_rng(seed)
     step, actions = 0, np.empty(0)
 
@@ -123,7 +123,7 @@ def random_steering(seed: int, hold_steps: int = 10) -> Steering:
 
 
 def evaluate(steering: Steering, n_yards: int, first_seed: int) -> dict[str, Any]:
-    """Count in how many yards a steering reaches the source within the time limit, and the median time it takes."""
+    """Count the yards in which a steering function reaches the source in time, and compute its median time."""
     envs = PatrolVectorEnv(n_yards, open_yard())
     observation, _ = envs.reset(seed=first_seed)
     reached_s, running, step = np.full(n_yards, np.nan), np.ones(n_yards, np.bool_), 0
@@ -139,16 +139,16 @@ def evaluate(steering: Steering, n_yards: int, first_seed: int) -> dict[str, Any
 
 
 def steering_of(model: PPO) -> Steering:
-    """Return the steering that a model has learned: the mean of its actions."""
+    """Return the steering function that a model has learned: the mean of its action distribution."""
     flatten = Flattener(bearings_only_space(PatrolVectorEnv(1, open_yard()).single_observation_space))
     return lambda observation: model.predict(flatten(observation), deterministic=True)[0]
 
 
 class LearningCurve(BaseCallback):
-    """Evaluates the policy before every second update.
+    """Callback that evaluates the policy before every second update.
 
     Attributes:
-        points: Number of steps and share of yards in which the policy reached the source.
+        points: Number of training steps, and fraction of yards in which the policy reached the source.
     """
 
     def __init__(self) -> None:
@@ -165,7 +165,7 @@ class LearningCurve(BaseCallback):
         return True
 
     def add_point(self) -> None:
-        """Evaluate the policy as it is now."""
+        """Evaluate the current policy and add the result to the curve."""
         result = evaluate(steering_of(self.model), CURVE_YARDS, CURVE_SEED)
         self.points.append({"steps": self.num_timesteps, "success": result["success"]})
         print(f"{self.num_timesteps} steps: {result['success']:.0%}")  # noqa: T201
@@ -176,7 +176,7 @@ def train(steps: int, seed: int) -> tuple[PPO, list[dict[str, Any]]]:
 
     Args:
         steps: Steps of all robots together, rounded up to a multiple of `N_ROBOTS * N_STEPS`.
-        seed: Seed of the learner; row i of the yards is seeded with `seed + i`.
+        seed: Seed of the learner; the yard of row i is seeded with `seed + i`.
     """
     torch.set_num_threads(1)
     envs = FlatVecEnv(N_ROBOTS)
@@ -199,7 +199,7 @@ def train(steps: int, seed: int) -> tuple[PPO, list[dict[str, Any]]]:
 
 
 def draw_curve(points: list[dict[str, Any]], policies: dict[str, dict[str, Any]]) -> Figure:
-    """Draw success over training steps, with the rule and random actions for comparison."""
+    """Draw the success rate over training steps, with the simple rule and random actions for comparison."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     axes = figure.add_subplot()
     for name, colour in (("towards last bearing", RULE_COLOUR), ("random", RANDOM_COLOUR)):

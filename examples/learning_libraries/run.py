@@ -12,7 +12,7 @@
 # ]
 #
 # [tool.uv]
-# override-dependencies = ["gymnasium>=1.4,<2"] # RLlib and Tianshou pin older ones
+# override-dependencies = ["gymnasium>=1.4,<2"] # RLlib and Tianshou pin older versions
 #
 # [tool.uv.sources]
 # pdpatrol = { path = "../..", editable = true }
@@ -21,8 +21,8 @@
 
     uv run examples/learning_libraries/run.py --steps 2000
 
-Each uses the environment that `gymnasium.make` or `gymnasium.make_vec` returns and wraps it as its documentation says.
-The runs are too short to learn a good policy.
+Each library uses the environment that `gymnasium.make` or `gymnasium.make_vec` returns, and wraps it as the library's
+documentation says. The runs are too short to learn a good policy.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def tianshou(steps: int) -> int:
 
 def rllib(steps: int) -> int:
     """Run PPO on the vector environment and on single environments."""
-    os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"  # there are no workers that need this environment
+    os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"  # no workers need this environment
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.connectors.env_to_module import FlattenObservations
 
@@ -157,7 +157,7 @@ def main(
 
     Args:
         libraries: Names of the libraries.
-        steps: Least number of environment steps for each.
+        steps: Minimum number of environment steps for each.
     """
     failed = 0
     for name in libraries:

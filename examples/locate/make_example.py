@@ -1,4 +1,4 @@
-"""Make this example: one discharge, detected from fourteen poses by the simulator's own array and receiver.
+"""Make this example: one discharge, detected from fourteen poses by the simulated array and receiver.
 
     uv run python examples/locate/make_example.py
 

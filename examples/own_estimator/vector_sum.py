@@ -7,14 +7,14 @@ from dirmusic.angles import circular_mean, difference
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
 
 NOISE_FACTOR = 1.2
-"""Error of the sum by noise relative to that of the most likely direction; found by simulation."""
+"""Error of the sum due to noise, relative to that of the most likely direction; found by simulation."""
 
 
 class VectorSum:
-    """Estimator without a search; the squint of the helix, a few degrees everywhere, is subtracted."""
+    """Estimator without a search, which subtracts the squint of the helix, a few degrees in all directions."""
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Estimate azimuths with their deviation by noise and method, and their misfit."""
+        """Estimate azimuths with their standard deviation due to noise and method, and their misfit."""
         boresights_rad = array.manifold.boresights_rad
         without_noise = difference(weighted_sum(array.manifold.search_gain.T, boresights_rad), SEARCH_AZIMUTHS_RAD)
         squint_rad = circular_mean(without_noise)

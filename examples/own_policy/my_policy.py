@@ -17,7 +17,7 @@ RADIUS_M, AHEAD_RAD, REPLAN_S, PURSUIT_S, SHARP_M = 3.0, np.radians([60.0, -60.0
 
 
 class MyPolicy:
-    """Patrol, and circle each finding in steps of 60 degrees until its 95 % ellipse is shorter than 12 cm.
+    """Policy that circles each finding in steps of 60 degrees until its 95 % ellipse is shorter than 12 cm.
 
     Bearings from different sides determine a position; `seek` stops when the finding is confirmed.
     """
@@ -28,14 +28,14 @@ class MyPolicy:
         self._spent_s: dict[int, float] = {}
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """Forward speed and yaw rate in [-1, 1], or None when back at the dock."""
+        """Return forward speed and yaw rate in [-1, 1], or None when back at the dock."""
         wanted = [f for f in findings if is_blurred(f) and self._spent_s.get(f.id, 0.0) < PURSUIT_S]
         if not wanted:
             self._drive = None
             action = self._patrol(observation, findings, site_map)
             self.phase = self._patrol.phase
             return action
-        self._patrol.resume()  # it plans its way anew afterwards
+        self._patrol.resume()  # plans a new path after the detour
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
         target = min(wanted, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._spent_s[target.id] = self._spent_s.get(target.id, 0.0) + STEP_S
@@ -51,7 +51,7 @@ class MyPolicy:
 
 
 def is_blurred(finding: Finding) -> bool:
-    """Whether more bearings are wanted: it is not confirmed, or its 95 % ellipse is long."""
+    """Return True if more bearings are needed: the finding is not confirmed, or its 95 % ellipse is too long."""
     return finding.state == "candidate" or (finding.state == "confirmed" and finding.semi_major_m > SHARP_M)
 
 
