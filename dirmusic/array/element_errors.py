@@ -138,7 +138,8 @@ class UniformOffsets:
     ) -> FloatArray:
         """Compute the log density; arguments as in `ElementSpread.log_density`.
 
-        The density is uniform with normally blurred edges; the blur is at least 1/50 of the width.
+        The density is uniform, with edges blurred by the noise: the convolution with a normal density whose standard
+        deviation is at least 1/50 of the half-width.
         """
         std = np.sqrt(np.maximum(noise_variance, (self.half_width / 50) ** 2))
         above, below = (scipy.special.ndtr((mismatch + half) / std) for half in (self.half_width, -self.half_width))

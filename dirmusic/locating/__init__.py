@@ -1,1 +1,1 @@
-"""Locating: from pulses with bearings to findings with positions, ellipses and states."""
+"""Locating of discharges: turns pulses with bearings into findings with positions, error ellipses and states."""

@@ -1,7 +1,8 @@
 """Positions from bearings alone: robust triangulation, and a fit whose covariance allows for correlated errors.
 
-Bearing errors are of three kinds, and only the first averages out: noise, independent in each pulse; errors of method
-and array, common to pulses from nearly one azimuth; and pose errors, common for seconds.
+There are three kinds of bearing errors, and only the first averages out: noise, which is independent in each pulse;
+errors of the method and the array, which pulses from nearly the same azimuth share; and pose errors, which pulses
+within a few seconds share.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 START_RANGES_M = np.geomspace(0.5, 100.0, 24)
-"""Ranges along each bearing from which the search for the best position starts."""
+"""Ranges along each bearing at which starting points for the search are tried."""
 
 INLIER_SIGMAS = 3.0
-"""Offset of a bearing from the position, in standard deviations, beyond which it is an outlier."""
+"""Offset of a bearing from the position, in standard deviations, beyond which the bearing is an outlier."""
 
 METHOD_ARC_RAD = np.radians(15.0)
-"""Angle over which the errors of an estimator's own method decorrelate by e (assumed); rounding to sectors of 60
-degrees takes 13."""
+"""Angle over which the correlation of the errors of an estimator's own method falls to 1/e (assumed). For rounding to
+60 degree sectors it is 13 degrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,9 +46,9 @@ class PositionEstimate:
     """A position with its uncertainty.
 
     Attributes:
-        position_m: Shape (2,), world frame.
-        covariance_m2: Shape (2, 2), for the given standard deviations taken as independent; infinite on the diagonal if
-            the lines of sight do not cross.
+        position_m: Position, world frame, shape (2,).
+        covariance_m2: Covariance if the bearing errors are independent, shape (2, 2); infinite on the diagonal if the
+            lines of sight do not cross.
         is_inlier: True for bearings that agree with the position, shape (n,).
     """
 
@@ -57,22 +58,22 @@ class PositionEstimate:
 
 
 def triangulate(positions_m: ArrayLike, bearings_rad: ArrayLike, std_rad: ArrayLike) -> PositionEstimate:
-    r"""Estimate where lines of sight cross, excluding outliers.
+    r"""Estimate the position where lines of sight cross, excluding outliers.
 
-    Minimises :math:`\sum_k \rho((\beta_k - \mathrm{atan2}(y - y_k, x - x_k)) / \sigma_k)` with Cauchy's loss, then
-    once more by least squares over the inliers. The covariance does not include errors that are common to all bearings;
-    see `locate_by_bearings`.
+    The function minimises :math:`\sum_k \rho((\beta_k - \mathrm{atan2}(y - y_k, x - x_k)) / \sigma_k)` with the Cauchy
+    loss, and then repeats the fit by least squares over the inliers. The covariance does not include errors that are
+    common to all bearings; see `locate_by_bearings`.
 
     Args:
-        positions_m: Where each bearing was taken, world frame, shape (n, 2), n >= 2.
+        positions_m: Position from which each bearing was taken, world frame, shape (n, 2), n >= 2.
         bearings_rad: World-frame bearings, shape (n,).
         std_rad: Standard deviations, shape (n,), > 0.
 
     Returns:
-        The position. Its covariance is infinite for a single line of bearings, opened by less than about 0.01 degrees.
+        The position. Its covariance is infinite if all lines of sight are parallel to within about 0.01 degrees.
 
     Raises:
-        ValueError: If shapes disagree, n < 2, or a value is not finite or not positive where it must be.
+        ValueError: If shapes disagree, n < 2, a value is not finite, or a standard deviation is not positive.
     """
     position, bearing, std = (np.asarray(a, dtype=np.float64) for a in (positions_m, bearings_rad, std_rad))
     n = bearing.size
@@ -113,17 +114,17 @@ def triangulate(positions_m: ArrayLike, bearings_rad: ArrayLike, std_rad: ArrayL
 
 
 def rough_crossing(position: FloatArray, bearing: FloatArray, std: FloatArray) -> FloatArray:
-    """Return the best of many points along some of the bearings, as the start of an iteration.
+    """Return the best of many points along some of the bearings, as the starting point of an iteration.
 
-    It is never behind the array, whatever the outliers.
+    The points lie in the directions of the bearings, so that outliers cannot put the start behind the array.
 
     Args:
-        position: Where each bearing was taken, metres, world frame, shape (n, 2).
+        position: Position from which each bearing was taken, metres, world frame, shape (n, 2).
         bearing: World-frame bearings, radians, shape (n,).
         std: Standard deviations, radians, shape (n,), > 0.
 
     Returns:
-        Shape (2,), metres.
+        The point, metres, shape (2,).
     """
     chosen = np.unique(np.linspace(0, bearing.size - 1, 12).astype(int))
     ahead = np.stack([np.cos(bearing[chosen]), np.sin(bearing[chosen])], axis=-1)
@@ -133,7 +134,7 @@ def rough_crossing(position: FloatArray, bearing: FloatArray, std: FloatArray) -
 
 
 def _offsets(point: FloatArray, position: FloatArray, bearing: FloatArray, std: FloatArray) -> FloatArray:
-    """Return the offset of each bearing from points (..., 2), in standard deviations, shape (..., n)."""
+    """Return the offset of each bearing from each point, shape (..., 2), in standard deviations, shape (..., n)."""
     sight = point[..., np.newaxis, :] - position
     return difference(bearing, np.arctan2(sight[..., 1], sight[..., 0])) / std
 
@@ -148,27 +149,28 @@ def locate_by_bearings(
 ) -> JointEstimate:
     r"""Locate one source at a time by robust weighted least squares over bearings.
 
-    The variance of a pulse is that of the noise in its strengths, at most the estimator's; the rest of the estimator's
-    variance is of its method. Errors of array and pose are added. The weight of a pulse is one over the number of
-    pulses that share its errors. With the slopes J, the weights W and the modelled covariance C of the errors, a
-    position has the covariance
+    The variance of a bearing that the estimator reports is split into noise, computed from the noise of the strengths,
+    and the error of the method, which is the remainder. Errors of array and pose are added. The weight of a pulse is
+    the inverse of the number of pulses that share its errors. With the Jacobian J, the weights W and the modelled
+    covariance C of the errors, a position has the covariance
 
     .. math:: (J^T W J)^{-1} J^T W C W J (J^T W J)^{-1}
 
-    so errors common to many pulses do not average out, and errors common to all of them cancel if lines of sight come
-    from all sides. Errors of tens of degrees move the position to second order, too: the fit is repeated with the
-    errors that move it most, of both signs, and the movement that both have in common is added.
+    so that errors common to many pulses do not average out, and errors common to all pulses cancel if the lines of
+    sight come from all sides. Errors of tens of degrees also have a second-order effect on the position: the fit is
+    repeated with the errors that move the position most, with either sign, and the mean of the two displacements is
+    added to the covariance.
 
     Args:
         pulses: Pulses with their directions, n rows.
         pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
-        source: Number of the source of each pulse, shape (n,), in [0, n_sources).
-        start_m: Start of the fit, shape (n_sources, 3). Every source has at least one row.
+        source: Index of the source of each pulse, shape (n,), in [0, n_sources).
+        start_m: Starting point of the fit, shape (n_sources, 3). Every source must have at least one pulse.
         array: The array's data sheet and spread.
-        pose_error: Standard deviation and correlation of the pose error.
+        pose_error: Standard deviations and correlation time of the pose error.
 
     Returns:
-        The estimate. Errors of the array and heights are as their priors, because bearings do not determine them.
+        The estimate. Array errors and heights are those of their priors, because bearings do not determine them.
     """
     positions_m, covariances_m2 = np.empty((len(start_m), 2)), np.empty((len(start_m), 2, 2))
     for k in range(len(start_m)):
@@ -184,14 +186,14 @@ def locate_by_bearings(
 
 
 class _BearingProblem:
-    """Bearings of one source as residuals over their deviations; the last two rows are the prior of the position.
+    """Least-squares problem of one source: n normalised bearing residuals and 2 residuals of the position prior.
 
     Args:
         pulses: Pulses of one source, n rows.
-        pose: Shape (n, 3).
-        start_m: Point for which the deviations are computed, shape (2,).
+        pose: Estimated pose at each pulse, shape (n, 3).
+        start_m: Point at which the standard deviations are evaluated, shape (2,).
         array: The array's data sheet and spread.
-        pose_error: Standard deviation and correlation of the pose error.
+        pose_error: Standard deviations and correlation time of the pose error.
     """
 
     def __init__(
@@ -207,7 +209,7 @@ class _BearingProblem:
         self._weight = np.append(1.0 / n_alike, [1.0, 1.0])
 
     def solve(self, start_m: FloatArray, error: FloatArray | float = 0.0) -> FloatArray:
-        """Return the best position (2,), with an error (n + 2,) added to the residuals."""
+        """Return the best position, shape (2,), with an error, shape (n + 2,), added to the residuals."""
 
         def residual(point_m: FloatArray) -> FloatArray:
             return self._residual(point_m) + error
@@ -216,23 +218,23 @@ class _BearingProblem:
             residual,
             start_m,
             self._slopes,
-            loss=self._loss,  # pyright: ignore[reportArgumentType] - the stubs want a keyword that is never given
+            loss=self._loss,  # pyright: ignore[reportArgumentType] - the stubs require a keyword that is never passed
             f_scale=ROBUST_SCALE,
             max_nfev=50,
         )
         return np.asarray(found.x, dtype=np.float64)
 
     def covariance(self, position_m: FloatArray) -> FloatArray:
-        """Return the covariance (2, 2) of the best position."""
+        """Return the covariance of the best position, shape (2, 2)."""
         slopes, n = self._slopes(position_m), self._std_rad.size
         _, by_square, _ = self._loss(np.square(self._residual(position_m) / ROBUST_SCALE))
         errors = np.eye(n + 2)
         errors[:n, :n] = _error_covariance(position_m, *self._given) / np.multiply.outer(self._std_rad, self._std_rad)
         weighted = by_square[:, np.newaxis] * slopes
-        moved = weighted @ inverse(slopes.T @ weighted)  # by unit residuals, shape (n + 2, 2)
+        moved = weighted @ inverse(slopes.T @ weighted)  # displacement per unit residual, shape (n + 2, 2)
         first_order = moved.T @ errors @ moved
         root = inverse(np.asarray(np.linalg.cholesky(first_order), dtype=np.float64))
-        worst = np.sqrt(2) * root @ moved.T @ errors  # two errors, each moving it by 1.4 deviations
+        worst = np.sqrt(2) * root @ moved.T @ errors  # two errors, each a displacement of 1.4 std
         second_m = np.array(
             [0.5 * (self.solve(position_m, e) + self.solve(position_m, -e)) - position_m for e in worst]
         )
@@ -249,9 +251,9 @@ class _BearingProblem:
         return np.concatenate([by_bearing, np.eye(2) / POSITION_PRIOR_M])
 
     def _loss(self, square: FloatArray) -> FloatArray:
-        """Return the weighted soft L1 loss of squared residuals (n + 2,) and its derivatives, shape (3, n + 2).
+        """Return the weighted soft L1 loss and its first two derivatives, shape (3, n + 2), for squared residuals.
 
-        The loss of the prior is quadratic.
+        The loss of the position prior is quadratic.
         """
         root = np.sqrt(1.0 + square)
         loss = np.stack([2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3])
@@ -260,7 +262,7 @@ class _BearingProblem:
 
 
 def _turn_per_metre(point_m: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return the derivative (n, 2) of the directions from the poses to a point, at ranges of at least 0.3 m."""
+    """Return the derivative, shape (n, 2), of the bearings from the poses to a point, at ranges of at least 0.3 m."""
     sight = point_m - pose[:, :2]
     square = np.maximum(np.square(sight).sum(axis=-1, keepdims=True), 0.3**2)
     return np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / square
@@ -269,10 +271,11 @@ def _turn_per_metre(point_m: FloatArray, pose: FloatArray) -> FloatArray:
 def _error_covariance(
     point_m: FloatArray, pulses: PulseBatch, pose: FloatArray, array: ArrayModel, pose_error: PoseError
 ) -> FloatArray:
-    """Model the covariance (n, n) of the errors of bearings to a source at a point, rad^2.
+    """Model the covariance, shape (n, n), of the errors of bearings to a source at a point, rad^2.
 
-    Half of the variance of the method is common to pulses of nearly one azimuth, half to those of nearly one bearing
-    (assumed): azimuths are known no better than by the method, and a fit makes those of an orbit look more alike.
+    One half of the variance of the method is common to pulses from nearly the same azimuth, the other half to those
+    from nearly the same bearing (assumed): azimuths are known only to within the error of the method, and when the
+    robot circles a source, the fit makes them look more alike than they are.
     """
     sight = point_m - pose[:, :2]
     bearing_rad = np.arctan2(sight[:, 1], sight[:, 0])
@@ -295,7 +298,7 @@ def _error_covariance(
 
 
 def _noise_variance(pulses: PulseBatch, array: ArrayModel) -> FloatArray:
-    """Return the variance by noise of the likeliest bearing of each pulse, shape (n,), rad^2.
+    """Return the noise variance of the maximum-likelihood bearing of each pulse, shape (n,), rad^2.
 
     At least 1 % of the energy of a pulse is taken as signal (assumed).
     """

@@ -1,4 +1,4 @@
-"""Confirmation: the properties of a finding by its pulses, and the state that follows from them."""
+"""Confirmation: the properties of a finding as measured by its pulses, and the resulting state."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 LEVEL_QUANTILE = 0.75
-"""Quantile of the levels of its pulses that is the level of a finding (assumed): those on the direct path are the
-stronger ones."""
+"""Quantile of the levels of its pulses that is taken as the level of a finding (assumed): the stronger pulses are those
+on the direct path."""
 
 LONG_OBSERVED_FACTOR = 40
-"""Multiple of the pulses that confirm from which on a finding was observed for long (assumed): it may have a longer
-ellipse, and need not be in sight for certain. More pulses improve neither much."""
+"""Multiple of `confirm_pulses` at which a finding counts as observed for long (assumed). Its ellipse may then be
+longer, and it need not be in sight for certain, because more pulses would improve neither much."""
 
 LONG_OBSERVED_ELLIPSE = 1.5
-"""Factor by which the ellipse of a finding that was observed for long may be longer (assumed)."""
+"""Factor by which the ellipse may be longer if the finding was observed for long (assumed)."""
 
 NEARLY_AS_NEAR = 1.25
-"""Multiple of the smallest range of detection from within which a finding should be detected again (assumed), if it has
-not been detected from within `detection_range_m`."""
+"""Multiple of the smallest range at which a finding was detected, within which it should be detected again (assumed).
+It applies if the product is larger than `detection_range_m`."""
 
 VISIT_S = 5.0
-"""Length of a visit of one place, within which the errors of the pose stay the same (assumed)."""
+"""Duration of a visit to one place, during which the pose errors do not change (assumed)."""
 
 
 class Presence(NamedTuple):
-    """How often a finding is detected where it should be: near it and in sight of it.
+    """How often a finding is detected from places that are near it and in sight of it.
 
     Attributes:
-        rate: Share of the seconds there with any detection in which its pulses may have come; 1 if nothing was
-            detected.
-        observed_s: Number of these seconds.
-        silent_s: Seconds there since its last pulse, with or without detections.
-        is_sure: True if the finding is in sight there at all heights or at the likeliest one, false if the array was in
-            no such place.
+        rate: Fraction of `observed_s` in which pulses were detected that may have come from the finding; 1 if
+            `observed_s` is 0.
+        observed_s: Number of seconds at such places in which any pulse was detected.
+        silent_s: Number of seconds at such places since its last pulse, with or without other detections.
+        is_sure: True if the array was at a place from which the finding is in sight at all possible heights, or at the
+            likeliest height.
     """
 
     rate: float
@@ -65,12 +65,12 @@ def updated_state(
     fence_m: tuple[float, float] | None,
     time_s: float,
 ) -> Finding:
-    """Update the state of a finding by its pulses.
+    """Update the state of a finding from its pulses.
 
     Args:
-        finding: Position and covariance are of the last fit.
-        number: Its position among the findings that pulses were assigned to.
-        assignment: Assignment of all pulses.
+        finding: The finding, with position and covariance from the last fit.
+        number: Index of the finding in `assignment`.
+        assignment: Assignment of all pulses to findings.
         record: All pulses.
         error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
         rules: Conditions for a confirmed finding and for a ghost.
@@ -99,19 +99,19 @@ def updated_state(
 def presence(
     finding: Finding, may_be: BoolArray, is_too_weak: BoolArray, record: PulseRecord, rules: AssignmentRules
 ) -> Presence:
-    """Count how often a finding is detected where it should be; without a map, the rate is 1.
+    """Count how often a finding is detected from places near it and in sight of it; without a map, the rate is 1.
 
-    A place is in sight if it is so at every height at which the finding may be; if the array was in no such place, at
-    the likeliest height; and if not there either, at any. Seconds in which pulses point to the finding, all too weak
-    for its level, are left out, whatever the map says: a position that is a little off next to an edge is in sight
-    where the source is not.
+    A place counts if the finding is in sight at every height at which it may be. If the array was at no such place,
+    the likeliest height decides; if that leaves no place either, any height is enough. Seconds in which all pulses that
+    point to the finding are too weak for its level are not counted, whatever the map says: if the source is next to an
+    edge and its position is slightly wrong, the position can be in sight where the source is not.
 
     Args:
         finding: The finding.
-        may_be: True for pulses that may have come from it, shape (n,).
-        is_too_weak: True for pulses that point to it and are too weak for its level, shape (n,).
+        may_be: True for pulses that may have come from the finding, shape (n,).
+        is_too_weak: True for pulses that point to the finding but are too weak for its level, shape (n,).
         record: All pulses.
-        rules: Distance from within which it should be detected.
+        rules: Distance within which the finding should be detected, and limits of attenuation.
     """
     if not record.has_map:
         return Presence(1.0, 1, 0)
@@ -135,20 +135,20 @@ def presence(
 
 
 def disagreement(record: PulseRecord, rows: Rows, finding: Finding, error_rad: FloatArray) -> float:
-    r"""Return the rms offset of bearings from a finding, in their expected deviations; 1 for a source, on average.
+    r"""Return the rms offset of bearings from a finding, in expected standard deviations; about 1 for a true source.
 
     .. math:: \sqrt{\frac{1}{m} \sum_{g=1}^{m} \frac{\bar o_g^2}{1 / \sum_i \sigma_i^{-2} + \sigma_c^2}}
 
-    over visits of places: :math:`\bar o` is the mean offset of their pulses, weighted by their noise :math:`\sigma_i`,
-    and :math:`\sigma_c` is the deviation that they have in common, by array, pose and range. Multipath of something
-    that moves, and waves diffracted at many edges, point past any one place by more, each pulse within its own
-    deviation.
+    The sum is over the m visits to places. :math:`\bar o_g` is the mean offset of the pulses of a visit, weighted by
+    their noise :math:`\sigma_i`, and :math:`\sigma_c` is the standard deviation of the error that they share, due to
+    array, pose and range. The value is larger for multipath of a moving interferer and for waves diffracted at many
+    edges, even if each pulse alone is within its standard deviation.
 
-    At most 200 pulses are used (assumed), because those of one visit share their errors.
+    At most 200 pulses are used (assumed), because the pulses of one visit share their errors.
 
     Args:
         record: All pulses.
-        rows: Rows of the finding's own pulses, shape (n,), n >= 1.
+        rows: Rows of the pulses associated with the finding, shape (n,), n >= 1.
         finding: The finding.
         error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
     """
@@ -166,7 +166,7 @@ def disagreement(record: PulseRecord, rows: Rows, finding: Finding, error_rad: F
 
 
 def _occurring(some: Rows, of: Rows) -> BoolArray:
-    """Mark which numbers, up to the largest of `of`, occur among `some`."""
+    """Return a mask over the numbers from 0 to the largest in `of`: True for those that occur in `some`."""
     occurs = np.zeros(of.max(initial=-1) + 1, dtype=np.bool_)
     occurs[some] = True
     return occurs
@@ -175,7 +175,7 @@ def _occurring(some: Rows, of: Rows) -> BoolArray:
 def _measured(
     finding: Finding, number: int, own: Rows, rows: Rows, assignment: Assignment, record: PulseRecord
 ) -> Finding:
-    """Update the time of the last pulse, and number, aperture, nearest range and level of the pulses in sight."""
+    """Update the time of the last pulse, and the number, aperture, nearest range and level of the pulses in sight."""
     last_s = float(record.pulses.time_s[own[-1]])
     if not rows.size:
         return replace(finding, last_detected_s=last_s)
@@ -193,10 +193,11 @@ def _measured(
 
 
 def _level(finding: Finding, number: int, rows: Rows, assignment: Assignment) -> float:
-    """Return the level of a finding by its pulses in sight.
+    """Return the level of a finding, from its pulses in sight.
 
-    If more pulses that point to a candidate are too weak for its level, the level is wrong, by the attenuation of the
-    map for another place than the source's. They count as well then; otherwise the candidate would stay as it is.
+    If most of the pulses that point to a candidate are too weak for its level, the level is wrong: the position is not
+    that of the source, and the map predicts the wrong attenuation. The weak pulses are then included, because the
+    candidate would otherwise never be corrected.
     """
     weak = np.flatnonzero(assignment.is_too_weak[number])
     if finding.state != "confirmed" and weak.size > rows.size:
@@ -205,7 +206,7 @@ def _level(finding: Finding, number: int, rows: Rows, assignment: Assignment) ->
 
 
 def _is_ghost(finding: Finding, present: Presence, rules: LocatingRules) -> bool:
-    """Return whether a candidate is not detected where it should be, and known well enough for that to count."""
+    """Return whether a candidate is not detected where it should be, although its position is known well enough."""
     if not present.is_sure:
         return False
     is_missed = present.observed_s >= rules.ghost_observed_s and present.rate < rules.ghost_detection_rate
@@ -213,15 +214,16 @@ def _is_ghost(finding: Finding, present: Presence, rules: LocatingRules) -> bool
 
 
 def _is_where_the_array_was(finding: Finding, record: PulseRecord, rules: LocatingRules) -> bool:
-    """Return whether the finding lies where the robot stood and nothing can discharge."""
+    """Return whether the finding lies where the robot has been, so that no source can be there."""
     apart_m = float(np.linalg.norm(record.places_m - finding.position_m, axis=-1).min())
     return apart_m < rules.least_range_m and finding.semi_major_m <= rules.confirm_semi_major_m
 
 
 def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:
-    """Return whether half of what confirmed the finding remains, without possible multipath of other findings.
+    """Return whether a confirmed finding keeps at least half of the pulses and of the detection rate that confirm it.
 
-    If most of its pulses may be multipath, as many must remain as confirm it.
+    Pulses that may be multipath of other findings do not count. If these are the majority, the full number of
+    confirming pulses must remain.
     """
     most_are_own = 2 * n_own >= finding.n_bearings
     least = rules.confirm_pulses // 2 if most_are_own else rules.confirm_pulses
@@ -229,9 +231,10 @@ def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingR
 
 
 def _meets(finding: Finding, n_own: int, present: Presence, rules: LocatingRules) -> bool:
-    """Return whether a candidate meets every rule of confirmation, by pulses that are not multipath of others.
+    """Return whether a candidate meets every rule of confirmation with pulses that are not multipath of others.
 
-    A candidate that was never observed where it is in sight for certain must also have been observed for long.
+    A candidate that was never observed from a place where it is in sight for certain must also have been observed for
+    long.
     """
     was_observed_long = (
         n_own >= LONG_OBSERVED_FACTOR * rules.confirm_pulses and finding.aperture_rad >= rules.planned_aperture_rad

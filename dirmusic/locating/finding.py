@@ -1,4 +1,4 @@
-"""A located discharge, and the 95 % ellipse of its position."""
+"""The finding, which is a located discharge, and the 95 % ellipse of its position."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ CHI2_95 = float(-2.0 * np.log(0.05))
 
 
 class Ellipse(NamedTuple):
-    """Half-axes of an ellipse, and the direction of the longer one.
+    """Semi-axes and orientation of an ellipse.
 
     Attributes:
-        semi_major_m: Longer half-axis.
-        semi_minor_m: Shorter half-axis.
-        angle_rad: Direction of the longer half-axis, world frame, in (-pi, pi], ambiguous by half a turn.
+        semi_major_m: Semi-major axis.
+        semi_minor_m: Semi-minor axis.
+        angle_rad: Direction of the semi-major axis, world frame, in (-pi, pi], ambiguous by half a turn.
     """
 
     semi_major_m: float
@@ -41,14 +41,14 @@ def ellipse95(covariance_m2: FloatArray) -> Ellipse:
 
 
 def outline95(position_m: FloatArray, covariance_m2: FloatArray, n_points: int) -> FloatArray:
-    """Draw the 95 % ellipse of a position (2,) as a closed line, shape (n_points, 2)."""
+    """Compute points on the 95 % ellipse of a position, as a closed line of shape (n_points, 2)."""
     angle = np.linspace(0, 2 * np.pi, n_points)
     root = np.linalg.cholesky(CHI2_95 * covariance_m2)
     return position_m + np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ root.T
 
 
 def is_inside95(miss_m: FloatArray, covariance_m2: FloatArray) -> bool:
-    """Return whether an offset from the position, shape (2,), lies in the 95 % ellipse of its covariance (2, 2)."""
+    """Return whether an offset, shape (2,), lies inside the 95 % ellipse of a covariance, shape (2, 2)."""
     return bool(miss_m @ np.linalg.solve(covariance_m2, miss_m) <= CHI2_95)
 
 
@@ -58,12 +58,12 @@ def reaches95(position_m: FloatArray, covariance_m2: FloatArray, corner_m: Float
     Args:
         position_m: Centre of the ellipse, shape (2,).
         covariance_m2: Covariance of the position, shape (2, 2).
-        corner_m: Corner of the rectangle opposite to the origin, shape (2,).
+        corner_m: Corner of the rectangle opposite the origin, shape (2,).
     """
     if np.all((position_m >= 0.0) & (position_m <= corner_m)):
         return True
     corners = corner_m * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    root = np.linalg.inv(np.linalg.cholesky(covariance_m2))  # makes the ellipse a circle
+    root = np.linalg.inv(np.linalg.cholesky(covariance_m2))  # maps the ellipse to a circle
     starts = (corners - position_m) @ root.T
     edges = np.roll(starts, -1, axis=0) - starts
     along = np.clip(-(starts * edges).sum(axis=-1) / np.square(edges).sum(axis=-1), 0.0, 1.0)
@@ -73,24 +73,27 @@ def reaches95(position_m: FloatArray, covariance_m2: FloatArray, corner_m: Float
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """A discharge as located so far; findings are equal if all their values are.
+    """A discharge as located so far. Two findings are equal if all their values are equal.
 
     Attributes:
-        id: Number that stays with the finding through the mission, from 1 on.
-        state: `candidate` until the rules confirm it; `outside` if its 95 % ellipse lies beyond the fence; `ghost` if
-            it is a multipath ghost: nothing is detected from it although the robot was near and in sight of it.
-        position_m: Shape (3,), world frame.
-        covariance_m2: Shape (3, 3), including the error that the array adds to all bearings.
-        n_bearings: Number of its pulses; with a map, of those detected in sight of it.
+        id: Number of the finding, at least 1, which it keeps throughout the mission.
+        state: `candidate` until the rules confirm it; `confirmed`; `outside` if its 95 % ellipse lies outside the
+            fence; `ghost` if it is a multipath ghost, that is, nothing is detected from it although the robot was near
+            it and in sight of it.
+        position_m: Position, world frame, shape (3,).
+        covariance_m2: Covariance of the position, shape (3, 3), including the error that the array adds to all
+            bearings.
+        n_bearings: Number of its pulses; with a map, only those that were detected in sight of it.
         first_detected_s: Time of its first pulse.
-        last_detected_s: Time of its latest pulse, in sight of it or not.
+        last_detected_s: Time of its latest pulse, whether in sight of it or not.
         confirmed_s: Time when it was first confirmed, or None.
-        aperture_rad: Angle on plan over which its lines of sight spread, seen from the finding.
-        nearest_m: Smallest distance on plan from which it was detected.
-        level_db: Strength that its stronger pulses would have at 1 m, dB over 1 V; NaN until it was detected in sight.
+        aperture_rad: Horizontal angle over which its lines of sight spread, seen from the finding.
+        nearest_m: Smallest horizontal distance from which it was detected.
+        level_db: Strength that its stronger pulses would have at 1 m, dB relative to 1 V; NaN until it has been
+            detected in sight.
 
     Raises:
-        ValueError: If the id is below 1, if position or covariance are not finite or of another shape, or if the
+        ValueError: If the id is below 1, if position or covariance are not finite or have the wrong shape, or if the
             covariance is not positive definite.
     """
 
@@ -107,7 +110,7 @@ class Finding:
     level_db: float
 
     def __post_init__(self) -> None:
-        """Refuse an id below 1, which would be read as "no finding", and impossible positions and covariances."""
+        """Reject ids below 1, which would mean "no finding", and invalid positions and covariances."""
         if self.id < 1:
             raise ValueError(f"finding: `id` must be at least 1, got {self.id}")
         for name, shape in (("position_m", (3,)), ("covariance_m2", (3, 3))):
@@ -140,7 +143,7 @@ class Finding:
 
     @cached_property
     def semi_major_m(self) -> float:
-        """Longer half-axis of the 95 % ellipse, on plan."""
+        """Semi-major axis of the horizontal 95 % ellipse."""
         return ellipse95(self.covariance_m2[:2, :2]).semi_major_m
 
     @property

@@ -1,8 +1,8 @@
-"""Comparison of pulses with one finding: offset in direction, level, and the path on which a pulse may have come.
+"""Comparison of pulses with one finding: offset in direction, level, and the propagation path of a pulse.
 
-Behind equipment every pulse is diffracted or reflected, and points consistently to a wrong place. Two observations
-reveal it: the map, if there is one, because a reflector stands between the robot and the mirror image; and the
-strength, because strength times range is the same for all pulses on the direct path.
+Behind equipment, every pulse is diffracted or reflected, and all pulses consistently point to a wrong position. Two
+observations reveal this: the map, if there is one, because a reflector stands between the robot and the mirror image;
+and the strength, because strength times range is the same for all pulses on the direct path.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 NEAR_FIELD_SHARE = 0.5
-"""Share of the ring's radius by which a far-field bearing may miss a source close by (assumed)."""
+"""Distance by which a far-field bearing may miss a nearby source, as a fraction of the array's radius (assumed)."""
 
 MAX_POSITION_RAD = np.radians(15.0)
-"""Largest deviation of a bearing by the uncertainty of both positions (assumed): a poorly known finding, seen from
-close by, would take the pulses of every direction."""
+"""Upper limit of the bearing's standard deviation due to the uncertainty of both positions (assumed). Without it, a
+poorly located finding that is close to the robot would attract the pulses from every direction."""
 
 ELEVATION_MARGIN_RAD = np.radians(25.0)
-"""Elevation above a finding at which its own pulse may fit best (assumed), by errors of the array and a height that is
-not known yet."""
+"""Largest elevation above a finding that the best fit of its own pulse may have (assumed), because of array errors and
+a height that is not known yet."""
 
 
 class ExpectedBearings(NamedTuple):
-    """Bearings that are expected of a finding; every array has n rows.
+    """Bearings at which a finding is expected; every array has n rows.
 
     Attributes:
         sight_m: Vector from the middle of the array to the finding, shape (n, 3), world frame.
-        range_m: Its length on plan, at least `LEAST_RANGE_M`.
+        range_m: Horizontal length of that vector, at least `LEAST_RANGE_M`.
         bearing_rad: Bearing that an estimator in the plane would return, world frame.
-        position_rad2: Its variance by the robot's position and the size of the array.
-        elevation_rad2: Its variance by unknown properties of the elements off the plane.
+        position_rad2: Variance of the bearing due to the error of the robot's position and the size of the array.
+        elevation_rad2: Variance of the bearing due to unknown properties of the elements off the plane.
     """
 
     sight_m: FloatArray
@@ -52,7 +52,7 @@ class ExpectedBearings(NamedTuple):
 
 
 def expect_bearings(record: PulseRecord, rows: Rows | slice, finding: Finding) -> ExpectedBearings:
-    """Compute the bearings of a finding from the poses of some pulses."""
+    """Compute the bearings at which a finding is expected from the poses of some pulses."""
     pose = record.pose[rows]
     sight_m = np.empty_like(pose)
     sight_m[:, :2] = finding.position_m[:2] - pose[:, :2]
@@ -74,12 +74,13 @@ class JudgedPulses(NamedTuple):
     """Pulses compared with one finding, shape (n,), or with several, shape (n_findings, n).
 
     Attributes:
-        offset_sigmas: Offset of the bearing from the finding, in standard deviations of bearing and positions; infinite
-            for pulses that come from higher than the finding and for diffracted ones.
-        log_likelihood: Logarithm of the normal density of that offset, but for a constant.
-        level_db: Level 1 m from the finding by the strength of the pulses of that time and direction, dB over 1 V,
-            corrected for the attenuation of the map if the finding is in sight.
-        is_direct: True if the pulse, if it is of this finding, came on the direct path: in sight by map or level.
+        offset_sigmas: Offset of the bearing from the finding, in standard deviations due to bearing and positions;
+            infinite for pulses that come from above the finding and for diffracted ones.
+        log_likelihood: Logarithm of the normal density of that offset, up to a constant.
+        level_db: Level 1 m from the finding, computed from the strength of the pulses of the same time and direction,
+            dB relative to 1 V, corrected for the attenuation of the map if the finding is in sight.
+        is_direct: True if the pulse would have come on the direct path if it came from this finding, according to the
+            map or to its level.
         is_ghost: True if the pulse may have been diffracted or reflected while the finding was obstructed.
         is_diffracted: True if the pulse points to the finding but is too weak for its range.
         is_biased: True if the bearing of a pulse on the direct path may be biased by a reflection within the gate.
@@ -95,7 +96,7 @@ class JudgedPulses(NamedTuple):
 
     @classmethod
     def stacked(cls, judged: Sequence[Self]) -> Self:
-        """Stack the pulses of several findings, every array of shape (n_findings, n)."""
+        """Stack the results of several findings, so that every array has the shape (n_findings, n)."""
         columns: list[Any] = [np.array(column) for column in zip(*judged, strict=True)]
         return cls(*columns)
 
@@ -110,14 +111,14 @@ def judge_pulses(
 ) -> JudgedPulses:
     """Compare some pulses with one finding.
 
-    Before the level of a finding is known, its pulses are judged by direction and map alone.
+    Until the level of a finding is known, only direction and map are used.
 
     Args:
         record: All pulses.
-        rows: The pulses to be compared.
+        rows: Rows of the pulses to compare.
         finding: The finding.
         error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
-        rules: Gate and limits of level.
+        rules: Gate in bearing, and limits of the level.
     """
     bearing_rad, bearing_std_rad = record.bearings(rows, error_rad)
     place, expected = record.place[rows], expect_bearings(record, rows, finding)
@@ -158,7 +159,11 @@ def judge_pulses(
 
 
 def _is_clear_of_edges(record: PulseRecord, finding: Finding, rules: AssignmentRules) -> BoolArray:
-    """Return whether nothing attenuates a finding at each place, nor a little to either side, shape (n_places,)."""
+    """Return, for each place, whether the finding and points slightly to each side of it are unattenuated.
+
+    Returns:
+        Shape (n_places,).
+    """
     clear, least = np.ones(len(record.places_m), dtype=np.bool_), 10 ** (-rules.clear_loss_db / 20)
     for aside in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]):
         target_m = finding.position_m + rules.edge_margin_m * np.array(aside)

@@ -1,8 +1,8 @@
-"""Positions of several sources and the errors of the array that detected them, estimated together.
+"""Joint estimation of the positions of several sources and of the errors of the array that detected them.
 
-An array that differs from its data sheet turns every bearing by degrees, in common for all pulses from one azimuth:
-averaging does not help, and a covariance that takes the errors as independent is wrong. But the robot turns and drives,
-so the same error shows at other azimuths, and positions and element errors can be separated.
+An array that differs from its data sheet turns bearings by degrees, by the same angle for all pulses from one azimuth.
+Averaging does not help, and a covariance that assumes independent errors is wrong. But the robot turns and drives, so
+the same source is seen at other azimuths, and its position can be separated from the element errors.
 """
 
 from __future__ import annotations
@@ -34,31 +34,33 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 POSITION_PRIOR_M = 60.0
-"""Standard deviation of a source about the mean place of its detections (assumed): it keeps the covariance of a single
-line of bearings finite."""
+"""Prior standard deviation of a source about the mean of the positions from which it was detected (assumed). It keeps
+the covariance finite if all bearings lie on one line."""
 
 HEIGHT_PRIOR_M = (1.5, 1.2)
-"""Mean and standard deviation of a source's height above the ground (assumed): cable boxes to bushings."""
+"""Prior mean and standard deviation of a source's height above the ground (assumed): from cable boxes to bushings."""
 
 ROBUST_SCALE = 3.0
 """Residual in standard deviations beyond which the loss is linear (soft L1)."""
 
 MAX_STEPS, MAX_IDLE_STEPS, MIN_GAIN = 30, 3, 1e-6
-"""Limits that end a fit: steps, rejected steps in a row, and relative decrease of the cost by a step."""
+"""Limits that end a fit: number of steps, number of consecutive rejected steps, and relative decrease of the cost per
+step."""
 
 UNEXPLAINED_PATTERN_SHARE = 0.25
-"""Share of the deviation of the pattern that its states do not explain and that remains as noise (measured): a sixth to
-a fourth for the computed helices, up to 45 degrees of elevation."""
+"""Fraction of the pattern error that the states of the pattern do not explain and that is treated as noise. Measured on
+computed helices: a sixth to a quarter, up to 45 degrees of elevation."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointEstimate:
-    """Sources and array, estimated together.
+    """Joint estimate of the source positions and the array errors.
 
     Attributes:
-        positions_m: Shape (n_sources, 3), world frame.
-        covariances_m2: Shape (n_sources, 3, 3), including the uncertainty of the array's errors.
-        errors: Errors of the elements, with the uncertainty of the positions in their covariance.
+        positions_m: Positions, world frame, shape (n_sources, 3).
+        covariances_m2: Covariances of the positions, shape (n_sources, 3, 3), including the uncertainty of the array
+            errors.
+        errors: Errors of the elements; their covariance includes the uncertainty of the positions.
     """
 
     positions_m: FloatArray
@@ -74,28 +76,31 @@ def locate_jointly(
     array: ArrayModel,
     pose_error: PoseError,
 ) -> JointEstimate:
-    r"""Estimate positions, and gain errors e, pointing errors d and offsets o of the elements, a posteriori.
+    r"""Compute the maximum a posteriori estimate of source positions and element errors.
 
-    A pulse of unknown amplitude :math:`\alpha` from a source at p gives element i, at distance r_i and seeing p at
-    array azimuth :math:`\theta_i`, the strength
-    :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse;
-    offsets are part of the state if the array's spread has them. Pose errors turn all elements alike and persist for
-    seconds: they widen the one direction in which the strengths move with azimuth, by the number of pulses that share
-    them. What no model explains persists as long, and widens every direction. The deviation of the pattern is part of
-    the state, see `joint_kernels`; the rest of it widens, for all pulses from one direction of the array.
+    The element errors are gain errors e, pointing errors d and offsets o. A pulse of unknown amplitude :math:`\alpha`
+    from a source at p, seen by element i at distance :math:`r_i` and array azimuth :math:`\theta_i`, has the strength
+    :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse.
+    Offsets are part of the state if the array's spread includes them. The other errors are treated as noise:
+
+    - Pose errors turn all elements alike and persist for seconds. They add variance along the direction in which the
+      strengths change with azimuth, multiplied by the number of pulses that share the error.
+    - Errors that no model explains persist for the same time, and add variance in every direction.
+    - The pattern error is part of the state, see `joint_kernels`. Its unexplained remainder adds variance, multiplied
+      by the number of pulses from one direction of the array.
 
     Args:
         pulses: Detected pulses, n rows; their scale does not matter, and channels that are not usable have no weight.
         pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
-        source: Number of the source of each pulse, shape (n,), in [0, n_sources).
-        start_m: Start of the fit, shape (n_sources, 3). Every source has at least one row.
-        array: The array's data sheet and spread. Known errors, mean and covariance, take the place of the spread.
-        pose_error: Standard deviation and correlation of the pose error.
+        source: Index of the source of each pulse, shape (n,), in [0, n_sources).
+        start_m: Starting point of the fit, shape (n_sources, 3). Every source must have at least one pulse.
+        array: The array's data sheet and spread. If its errors are known, their mean and covariance replace the spread.
+        pose_error: Standard deviations and correlation time of the pose error.
 
     Returns:
-        The estimate. Heights have a prior, and are determined close by, where a source above or below the plane of the
-        array makes ranges and gains of the elements more alike. A level array cannot distinguish above from below: the
-        likelier one is returned, and the variance of the height includes the other.
+        The estimate. Heights have a prior, and can be determined only at short range, where a source above or below the
+        plane of the array makes the ranges and gains of the elements more alike. A level array cannot distinguish above
+        from below: the likelier height is returned, and its variance includes the other one.
     """
     n_sources = start_m.shape[0]
     problem = JointProblem(pulses, pose, source, start_m, array, pose_error)
@@ -116,14 +121,14 @@ def locate_jointly(
 
 
 class JointProblem:
-    """The optimisation problem of `locate_jointly`; the optimiser sees errors in units of their spread.
+    """Optimisation problem of `locate_jointly`, with errors scaled by their spread.
 
-    It has the arguments of `locate_jointly`.
+    The arguments are those of `locate_jointly`.
 
     Attributes:
-        start: State at which the fit starts, shape (n_states,).
+        start: Initial state of the fit, shape (n_states,).
         n_places: Number of states that are coordinates of sources.
-        n_terms: Number of states of the pattern.
+        n_terms: Number of states that describe the pattern error.
     """
 
     def __init__(
@@ -140,7 +145,7 @@ class JointProblem:
         n_errors = n_kinds * manifold.n_elements
         known = array.errors or EstimatedErrors.of_spread(array.spread, manifold.n_elements)
         errors, covariance = known.state[:n_errors], known.covariance[:n_errors]
-        of_elements = np.maximum(np.sqrt(np.diag(covariance)), 1e-6)  # an error without a spread is a state, too
+        of_elements = np.maximum(np.sqrt(np.diag(covariance)), 1e-6)  # errors without a spread are states, too
         of_pattern = deviation_spread(array)
         of_places = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources)
         detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
@@ -169,11 +174,11 @@ class JointProblem:
         self._known: CostExpansion
 
     def solve(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the best state (n_states,), and the Hessian there (n_states, n_states)."""
+        """Return the best state, shape (n_states,), and the Hessian there, shape (n_states, n_states)."""
         last_cost, n_idle = np.inf, 0
 
         def stop(intermediate_result: OptimizeResult) -> None:
-            """End the iteration where steps gain too little, or several in a row were rejected."""
+            """End the iteration if a step gains too little, or several steps in a row were rejected."""
             nonlocal last_cost, n_idle
             cost = float(intermediate_result.fun)
             if cost == last_cost:
@@ -199,7 +204,7 @@ class JointProblem:
         return best * self._scale, self._at(best).hessian
 
     def cost(self, state: FloatArray) -> float:
-        """Return the negative logarithm of the posterior density of a state (n_states,), but for a constant."""
+        """Return the negative log posterior density of a state, shape (n_states,), up to a constant."""
         return self._at(state / self._scale).cost
 
     def hessian(self, state: FloatArray) -> FloatArray:
@@ -207,13 +212,13 @@ class JointProblem:
         return self._at(state / self._scale).hessian
 
     def _at(self, x: FloatArray) -> CostExpansion:
-        """Evaluate a scaled state; the last evaluation is kept because the optimiser asks for its parts one by one."""
+        """Evaluate a scaled state; the result is cached, because the optimiser requests its parts one by one."""
         if not np.array_equal(self._known_x, x):
             self._known_x, self._known = x.copy(), evaluate(self._scale * x, *self._arguments)
         return self._known
 
     def mirrored(self, state: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
-        """Mirror some sources of a state in the plane of the array; with all of them, the pattern as well."""
+        """Mirror some sources of a state in the plane of the array; if all are mirrored, so is the pattern error."""
         mirrored, rows = state.copy(), 3 * np.flatnonzero(chosen) + 2
         mirrored[rows] = 2.0 * self._array_height_m - mirrored[rows]
         if chosen.all():
@@ -222,21 +227,21 @@ class JointProblem:
         return mirrored
 
     def place_covariances(self, state: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return the covariance of each position, including the uncertainty of its side of the array's plane.
+        """Return the covariance of each position, including the uncertainty about the side of the array's plane.
 
         Args:
             state: The solution, shape (n_states,).
             covariance: Covariance of all states, shape (n_states, n_states).
 
         Returns:
-            Shape (n_sources, 3, 3).
+            Covariances, shape (n_sources, 3, 3).
         """
         n_sources, covariance = self.n_places // 3, covariance.copy()
         cost = self.cost(state)
         for k in range(n_sources):
             mirrored = self.mirrored(state, np.eye(n_sources, dtype=np.bool_)[k])
             if mirrored[3 * k + 2] > 0.0:
-                share = 1.0 / (1.0 + np.exp(min(self.cost(mirrored) - cost, 50.0)))  # larger ones do not count
+                share = 1.0 / (1.0 + np.exp(min(self.cost(mirrored) - cost, 50.0)))  # larger differences are negligible
                 variance_m2 = share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
                 covariance[3 * k + 2, 3 * k + 2] += variance_m2
         block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
@@ -244,25 +249,25 @@ class JointProblem:
 
 
 def with_height(places_m: ArrayLike) -> FloatArray:
-    """Add the prior mean of the height to places on plan (..., 2); shape (..., 3)."""
+    """Append the prior mean of the height to horizontal positions, shape (..., 2); the result is (..., 3)."""
     places = np.asarray(places_m, dtype=np.float64)
     return np.concatenate([places, np.full((*places.shape[:-1], 1), HEIGHT_PRIOR_M[0])], axis=-1)
 
 
 def with_height_covariance(covariances_m2: FloatArray) -> FloatArray:
-    """Add the prior variance of the height to covariances on plan (..., 2, 2); shape (..., 3, 3)."""
+    """Append the prior variance of the height to horizontal covariances, (..., 2, 2); the result is (..., 3, 3)."""
     in_space = np.zeros((*covariances_m2.shape[:-2], 3, 3))
     in_space[..., :2, :2], in_space[..., 2, 2] = covariances_m2, HEIGHT_PRIOR_M[1] ** 2
     return in_space
 
 
 def inverse(matrix: NDArray[np.floating[Any]]) -> FloatArray:
-    """Invert a matrix."""
+    """Invert a matrix and return it as float64."""
     return np.linalg.inv(matrix).astype(np.float64)
 
 
 def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int, n_terms: int) -> FloatArray:
-    """Build the decorrelation matrix of `Priors`; only errors of the elements are correlated."""
+    """Build the decorrelation matrix of `Priors`; only the errors of the elements are correlated."""
     correlation = covariance / np.multiply.outer(spread, spread)
     np.fill_diagonal(correlation, 1.0)
     decorrelation, of_errors = np.eye(n_places + spread.size + n_terms), slice(n_places, n_places + spread.size)
@@ -278,7 +283,7 @@ def _fit_data(
     array: ArrayModel,
     pose_error: PoseError,
 ) -> FitData:
-    """Compute the weights and weighted strengths of pulses; what no model explains persists like the pose error."""
+    """Compute the weights and the weighted strengths of pulses; unexplained errors persist as long as pose errors."""
     usable_v = pulses.strengths_v * pulses.is_usable
     norm_v = np.linalg.norm(usable_v, axis=-1, keepdims=True)
     strengths, variance = usable_v / norm_v, pulses.variance_v2 / norm_v**2
@@ -292,17 +297,21 @@ def _fit_data(
 
 
 def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
-    """Count, for each pulse, those of the same source that share its pose error, shape (n,), >= 1."""
+    """Compute, for each pulse, the effective number of pulses of its source that share its pose error.
+
+    Returns:
+        Shape (n,), >= 1.
+    """
     lag = np.abs(time_s[:, np.newaxis] - time_s) / max(correlation_s, 1e-9)
     return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
 
 
 def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel) -> FloatArray:
-    """Return the variance of strengths by deviations of the pattern that are not in the state, shape (n,).
+    """Return the variance of the strengths due to pattern errors that are not in the state, shape (n,).
 
-    It is in units of the largest squared strength. The deviation is a share of the largest gain in the plane; from
-    above all gains are smaller, and it counts for more. It is the same whenever a source is seen in one direction of
-    the array, however often: pulses from there share it.
+    The variance is in units of the largest squared strength. The error is a fraction of the largest gain in the plane;
+    all gains are smaller off the plane, so it matters more there. All pulses from one direction of the array share the
+    error, so the variance is multiplied by their number.
     """
     sight_m = start_m[source, :2] - pose[:, :2]
     azimuth_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0]) - pose[:, 2]

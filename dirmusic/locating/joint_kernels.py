@@ -1,9 +1,9 @@
-"""What `locate_jointly` minimises, as compiled loops over the pulses: cost, gradient and Hessian.
+"""Cost that `locate_jointly` minimises, with its gradient and Hessian, as compiled loops over the pulses.
 
-The deviation of the elements' pattern from the data sheet is part of the state. All elements are of one make and share
-it: a function of the angle off the boresight, with one part in the plane, one that grows with the sine of the elevation
-and one that grows with its square. A robot that drives around a source, or keeps it in one direction while it drives,
-determines it; as noise it would be taken for new information in every pulse.
+The error of the elements' pattern relative to the data sheet is part of the state. All elements are of the same design
+and share it. It is a function of the angle off the boresight, with one part in the plane, one that grows with the sine
+of the elevation and one that grows with the square of the sine. Driving around a source, or past it at a constant
+array azimuth, determines this error. If it were treated as noise, every pulse would count as new information.
 """
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 N_PLACE = 3
-"""States of a source: x, y, and height above the ground."""
+"""Number of states per source: x, y, and height above the ground."""
 
 N_HARMONICS = 7
-"""Harmonics of the angle off the boresight, from the first on; a constant hardly turns a bearing."""
+"""Number of harmonics of the angle off the boresight, without the constant, which hardly affects bearings."""
 
 N_TERMS = 6 * N_HARMONICS
-"""States of the pattern: cosine and sine of each harmonic in the plane, then the same per sine of the elevation, then
-per its square."""
+"""Number of states of the pattern error: cosine and sine coefficients of each harmonic in the plane, then those
+multiplied by the sine of the elevation, then those multiplied by its square."""
 
 
 class FitData(NamedTuple):
-    """Pulses to be fitted, one a row.
+    """Pulses to be fitted, one per row.
 
     Attributes:
-        pose: Shape (n, 3).
-        source: Shape (n,).
-        weight: One over the deviation of each strength; 0 for channels that are not usable, shape (n, n_elements).
-        strengths: Strengths of unit norm, times the weight, shape (n, n_elements).
-        repeats: Number of pulses that share the pose error, shape (n,).
+        pose: Pose of the robot at each pulse, shape (n, 3).
+        source: Index of the source of each pulse, shape (n,).
+        weight: Inverse of the standard deviation of each strength; 0 for channels that are not usable, shape
+            (n, n_elements).
+        strengths: Strengths scaled to unit norm, times the weight, shape (n, n_elements).
+        repeats: Effective number of pulses that share the pose error, shape (n,).
     """
 
     pose: FloatArray
@@ -53,13 +54,14 @@ class FitData(NamedTuple):
 
 
 class NominalArray(NamedTuple):
-    """The array of the data sheet.
+    """The array as in its data sheet.
 
     Attributes:
-        positions_m: Shape (n_elements, 3).
-        boresights: Fields of `Boresight`, shape (n_elements, 4); `evaluate` turns them by the errors of the state.
-        gain_factors: Shape (n_elements,).
-        gain_offsets: Shape (n_elements,).
+        positions_m: Positions of the elements, shape (n_elements, 3).
+        boresights: Fields of `Boresight`, shape (n_elements, 4); `evaluate` turns them by the pointing errors of the
+            state.
+        gain_factors: Factors of the gains, shape (n_elements,).
+        gain_offsets: Offsets of the gains, shape (n_elements,).
         pattern: Pattern in the plane.
     """
 
@@ -71,15 +73,15 @@ class NominalArray(NamedTuple):
 
 
 class Priors(NamedTuple):
-    """Prior of the states, deviations of the pose, and scale of the loss.
+    """Prior of the states, standard deviations of the pose, and scale of the robust loss.
 
     Attributes:
-        mean: Mean of each state, shape (n_states,).
-        spread: Standard deviation of each state, shape (n_states,).
-        decorrelation: Matrix that makes states over their spread independent and of unit variance: the inverse of the
-            lower Cholesky factor of their correlation, shape (n_states, n_states).
+        mean: Prior mean of each state, shape (n_states,).
+        spread: Prior standard deviation of each state, shape (n_states,).
+        decorrelation: Matrix that makes the states, divided by their spread, independent and of unit variance: the
+            inverse of the lower Cholesky factor of their correlation, shape (n_states, n_states).
         position_m: Standard deviation of the robot's position.
-        heading_rad: Standard deviation of its heading.
+        heading_rad: Standard deviation of the robot's heading.
         robust_scale: Residual in standard deviations beyond which the loss is linear (soft L1).
     """
 
@@ -92,9 +94,9 @@ class Priors(NamedTuple):
 
 
 def deviation_spread(array: ArrayModel) -> FloatArray:
-    """Return the standard deviation of each state of the pattern, in units of gain, shape (N_TERMS,).
+    """Return the prior standard deviation of each state of the pattern error, in units of gain, shape (N_TERMS,).
 
-    It is empty if the spread has no error of the pattern.
+    The result is empty if the spread does not include a pattern error.
     """
     if array.spread.pattern == 0.0:
         return np.empty(0)
@@ -103,7 +105,7 @@ def deviation_spread(array: ArrayModel) -> FloatArray:
 
 
 def deviation_upside_down(states: FloatArray) -> FloatArray:
-    """Mirror states (n_terms,) of the pattern, none or all, in the plane of the array."""
+    """Mirror a pattern error in the plane of the array; its states have the shape (N_TERMS,) or (0,)."""
     in_plane, by_sine, by_square = np.split(states, 3)
     return np.concatenate([in_plane, -by_sine, by_square])
 
@@ -112,15 +114,15 @@ def deviation_upside_down(states: FloatArray) -> FloatArray:
 def deviation_towards(
     states: FloatArray, boresight: Boresight, x: float, y: float, z: float, terms: FloatArray
 ) -> tuple[float, float, float]:
-    """Return the deviation of the gain along a unit vector, and its slopes per radian of azimuth and elevation.
+    """Return the error of the gain along a unit vector, and its derivatives by azimuth and elevation, per radian.
 
     Args:
-        states: States of the pattern, see `N_TERMS`.
+        states: States of the pattern error, see `N_TERMS`.
         boresight: Boresight of the element.
         x: Forward component of the vector, array frame.
         y: Left component.
         z: Upward component.
-        terms: Filled with the slope of the gain by each state, shape (N_TERMS,).
+        terms: Output: derivative of the gain by each state, shape (N_TERMS,).
     """
     gain, by_azimuth, by_elevation = 0.0, 0.0, 0.0
     n, level = states.size // 3, max(math.hypot(x, y), 1e-9)
@@ -152,20 +154,21 @@ def linearise(
     slope: FloatArray,
     scratch: FloatArray,
 ) -> None:
-    """Compute the residuals of pulse k and their slopes; see `locate_jointly` for the model.
+    """Compute the residuals of pulse k and their derivatives; see `locate_jointly` for the model.
 
-    The slopes take the projection of the amplitude, and that of the pose errors, as constant.
+    The derivatives treat the projections that remove amplitude and pose errors as constant.
 
     Args:
         k: Row of the pulse.
-        state: Places of all sources, x, y and height of each, then errors by kind: gain, pointing, and offset if the
-            array has any; then the states of the pattern, see `N_TERMS`, or none.
+        state: Positions of all sources (x, y and height of each), then element errors by kind (gain, pointing, and
+            offset if the array has any), then the states of the pattern error, see `N_TERMS`, if it has any.
         data: The pulses.
-        array: The array of the data sheet, its boresights turned by their errors.
-        priors: Deviations of the pose.
-        residual: Filled with the strengths less those of the model, in standard deviations, shape (n_elements,).
-        slope: Filled with its derivative by the place of the source, the errors of all elements, one kind after the
-            other, and the states of the pattern; shape (n_elements, N_PLACE + n_kinds n_elements + n_terms).
+        array: The array as in its data sheet, with boresights turned by the pointing errors.
+        priors: Standard deviations of the pose.
+        residual: Output: measured minus modelled strengths, in standard deviations, shape (n_elements,).
+        slope: Output: derivative of the residuals by the position of the source, the errors of all elements, one kind
+            after the other, and the states of the pattern error; shape (n_elements, N_PLACE + n_kinds n_elements +
+            n_terms).
         scratch: Memory for intermediate results, shape (9 + n_terms, n_elements).
     """
     n_elements, n_terms = data.weight.shape[1], scratch.shape[0] - 9
@@ -213,7 +216,7 @@ def linearise(
         by_gain[e], by_pointing[e], by_offset[e] = gain * spreading, -turn[e], spreading
     energy = dot(model, model)
     amplitude = dot(data.strengths[k], model) / energy
-    # change of the strengths by errors of the pose: sideways or in heading, and towards the source
+    # change of the strengths with errors of the pose: sideways or in heading, and towards the source
     near_m, height = max(range_m, 0.3), state[place + 2] - array.positions_m[0, 2]
     turn_variance = priors.heading_rad**2 + (priors.position_m / near_m) ** 2
     rise_variance = (priors.position_m * height / (near_m * near_m + height * height)) ** 2
@@ -236,7 +239,7 @@ def linearise(
         _remove_pose_error(vector, turn, turn_share, rise, rise_share)
         for e in range(n_elements):
             slope[e, column] = vector[e]
-    column_of_one = by_x  # reuses the memory, which is not needed any more
+    column_of_one = by_x  # reuses memory that is no longer needed
     for i in range(n_elements):
         for e in range(n_elements):
             column_of_one[e] = -amplitude * ((1.0 if e == i else 0.0) - model[i] * model[e] / energy)
@@ -250,7 +253,7 @@ def linearise(
 
 @compiled_inner
 def _differentiate(vector: FloatArray, model: FloatArray, energy: float, amplitude: float) -> None:
-    """Convert a change of the model to that of the residuals, with the amplitude projected out."""
+    """Convert, in place, a change of the model to the change of the residuals, with the amplitude projected out."""
     along = dot(vector, model) / energy
     for e in range(vector.size):
         vector[e] = -amplitude * (vector[e] - along * model[e])
@@ -258,11 +261,11 @@ def _differentiate(vector: FloatArray, model: FloatArray, energy: float, amplitu
 
 @compiled_inner
 def _to_unit(vector: FloatArray, variance: float) -> float:
-    """Scale a change of the strengths to unit norm, and return the share of a residual along it that is removed.
+    """Scale a change of the strengths to unit norm, and return the fraction of a residual along it to remove.
 
     Args:
-        vector: Change by unit error, whitened by the noise, shape (n_elements,).
-        variance: Variance of that error.
+        vector: Change per unit error, whitened by the noise, shape (n_elements,).
+        variance: Variance of the error.
     """
     energy = max(dot(vector, vector), 1e-12)
     for e in range(vector.size):
@@ -274,14 +277,14 @@ def _to_unit(vector: FloatArray, variance: float) -> float:
 def _remove_pose_error(
     vector: FloatArray, turn: FloatArray, turn_share: float, rise: FloatArray, rise_share: float
 ) -> None:
-    """Remove the part of a vector that pose errors explain."""
+    """Subtract from a vector, in place, the part that pose errors explain."""
     by_turn, by_rise = turn_share * dot(vector, turn), rise_share * dot(vector, rise)
     for e in range(vector.size):
         vector[e] -= by_turn * turn[e] + by_rise * rise[e]
 
 
 class CostExpansion(NamedTuple):
-    """Cost of a state, its gradient (n_states,), and its Hessian (n_states, n_states)."""
+    """Cost of a state, its gradient, shape (n_states,), and its Hessian, shape (n_states, n_states)."""
 
     cost: float
     gradient: FloatArray
@@ -292,11 +295,11 @@ class CostExpansion(NamedTuple):
 def evaluate(
     state: FloatArray, n_kinds: int, n_terms: int, data: FitData, array: NominalArray, priors: Priors
 ) -> CostExpansion:
-    r"""Compute the cost of the robust fit at a state, its gradient, and its Hessian after Gauss and Newton.
+    r"""Compute the cost of the robust fit at a state, with its gradient and Gauss-Newton Hessian.
 
     .. math:: C = \sum_i s^2 (\sqrt{1 + (f_i / s)^2} - 1)
 
-    over the residuals f of all pulses in all channels, and those of the states from their priors.
+    The sum is over the residuals f of all pulses in all channels; the cost of the priors is added.
     """
     n, n_elements = data.weight.shape
     n_errors = n_kinds * n_elements + n_terms
@@ -342,7 +345,7 @@ def evaluate(
 
 @compiled_inner
 def _add_prior(state: FloatArray, priors: Priors, gradient: FloatArray, hessian: FloatArray) -> float:
-    """Return the cost of a state by its prior, and add its part to the gradient and the lower half of the Hessian."""
+    """Return the prior's cost of a state, and add its gradient and the lower triangle of its Hessian in place."""
     scale, cost = priors.robust_scale, 0.0
     for i in range(state.size):
         row, residual = priors.decorrelation[i], 0.0

@@ -1,4 +1,4 @@
-"""Locator: turns pulses with bearings into findings."""
+"""The Locator, which turns pulses with bearings into findings."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 LEARNING_STATES = ("candidate", "confirmed")
-"""States of findings from which the array's errors are learned. What lies outside the fence may move and have any
-polarisation, and a ghost came from no one place: they would bias the estimated errors."""
+"""States of findings from which the array errors are estimated. A source outside the fence may move and have any
+polarisation, and the pulses of a ghost do not come from a single point: both would bias the estimate."""
 
 REFIT_SHARE = 0.1
-"""Relative change of the number of a finding's pulses from which on findings are fitted again (assumed): pulses as good
-as the others move a position by a twentieth of a deviation then."""
+"""Relative change in the number of a finding's pulses that triggers a new fit (assumed). If the new pulses are as good
+as the others, they move the position by a twentieth of its standard deviation."""
 
 REFIT_RAD = np.radians(10.0)
-"""Change of a finding's aperture from which on findings are fitted again (assumed): a few pulses from another side
-contribute more than many from where others came."""
+"""Change of a finding's aperture that triggers a new fit (assumed): a few pulses from another side contribute more than
+many from a direction that is already covered."""
 
 INITIAL_RANGE_M = 10.0
-"""Range, and its standard deviation, of a new candidate of which only the bearing is known (assumed)."""
+"""Range of a new candidate of which only the bearing is known, and also its standard deviation (assumed)."""
 
 
 class Learned(NamedTuple):
-    """Errors of the array as learned in a mission.
+    """Array errors estimated in a mission.
 
     Attributes:
-        errors: Errors of the elements, including earlier knowledge of them.
+        errors: Posterior errors of the elements, which include those known from earlier missions.
         n_pulses: Number of pulses of this mission that were used.
     """
 
@@ -53,11 +53,11 @@ class Learned(NamedTuple):
 
 
 class FitBasis(NamedTuple):
-    """Pulses of a finding on which a fit is based.
+    """Summary of the pulses of a finding on which a fit is based.
 
     Attributes:
-        n_pulses: Number of its pulses.
-        n_in_sight: Number of those in sight of it.
+        n_pulses: Number of pulses of the finding.
+        n_in_sight: Number of those pulses that were detected in sight of it.
         aperture_rad: Angle over which its lines of sight spread.
     """
 
@@ -66,7 +66,7 @@ class FitBasis(NamedTuple):
     aperture_rad: float
 
     def differs_from(self, fitted: FitBasis) -> bool:
-        """Return whether a fit would be based on considerably different pulses."""
+        """Return whether a new fit would be based on considerably different pulses."""
         return (
             abs(self.n_pulses - fitted.n_pulses) > REFIT_SHARE * fitted.n_pulses
             or abs(self.n_in_sight - fitted.n_in_sight) > REFIT_SHARE * fitted.n_in_sight
@@ -75,30 +75,32 @@ class FitBasis(NamedTuple):
 
 
 def needs_refit(basis: dict[int, FitBasis], fitted: dict[int, FitBasis]) -> bool:
-    """Return whether there are other findings than at the last fit, or one has considerably different pulses."""
+    """Return whether the set of findings has changed since the last fit, or the pulses of one considerably."""
     if basis.keys() != fitted.keys():
         return True
     return any(of_finding.differs_from(fitted[number]) for number, of_finding in basis.items())
 
 
 class Locator:
-    """Keeps every credible pulse, associates pulses with findings, and fits all findings and the array together.
+    """Locator that associates pulses with findings, and fits all findings and the array errors jointly.
+
+    It stores every pulse that is consistent with a plane wave.
 
     Args:
-        array: The array's data sheet and spread, and its errors as learned by earlier missions, which are used until
-            the pulses contradict them; never the array that made the data.
+        array: The array's data sheet and spread, and its errors as estimated in earlier missions, which are used until
+            the pulses contradict them; never the true array that generated the data.
         pose_error: Error of the poses given to `update`.
-        fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
+        fence_m: Length of the yard along x and y, with the origin at its corner; None without a fence.
         rules: Conditions under which pulses initiate and confirm a finding.
-        sight: Transmission along lines of sight by the map of the yard; None without a map.
+        sight: Transmission along lines of sight according to the map of the yard; None without a map.
 
     Attributes:
         findings: All current findings, in the order of their ids.
-        array: The array as given, without errors once the pulses have contradicted them.
-        contradicts_errors: True once the pulses have contradicted the errors that were known of the array.
+        array: The array as given; its errors are removed once the pulses have contradicted them.
+        contradicts_errors: True once the pulses have contradicted the known errors of the array.
 
     Raises:
-        ValueError: If errors of the array are known and the solver is not `joint`, which alone uses them.
+        ValueError: If errors of the array are given and the solver is not `joint`, the only one that uses them.
     """
 
     def __init__(
@@ -133,20 +135,21 @@ class Locator:
         Args:
             time_s: Time of the pose.
             pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
-            pulses: Credible pulses with their directions; see `plane_wave.is_credible`.
+            pulses: Pulses that are consistent with a single plane wave, with their directions; see
+                `plane_wave.is_credible`.
 
         Returns:
             All current findings, in the order of their ids.
         """
         self._not_recorded.append(PulsesAtPose(time_s, pose, pulses))
-        has_candidate = any(finding.state == "candidate" for finding in self.findings)  # no signal may make it a ghost
+        has_candidate = any(finding.state == "candidate" for finding in self.findings)  # may become a ghost
         if (pulses.n_pulses or has_candidate) and time_s >= self._next_fit_s:
             self._next_fit_s = time_s + self.rules.refit_s
             self._renew(time_s, always=False)
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
-        """Associate and fit all pulses so far again, whenever the last fit was, and return all findings."""
+        """Associate and fit all pulses so far, even if `refit_s` has not passed, and return all findings."""
         return self._renew(time_s, always=True)
 
     def association(self) -> Rows:
@@ -158,10 +161,10 @@ class Locator:
         return finding
 
     def learned(self) -> Learned | None:
-        """Return the errors of the array as learned from confirmed findings.
+        """Return the errors of the array as estimated from confirmed findings.
 
-        None before there is one, and with the solver `bearings`. Candidates do not count, because a mirror image would
-        bias the errors.
+        The result is None if there is no confirmed finding, or with the solver `bearings`. Candidates are not used,
+        because a mirror image would bias the errors.
         """
         assignment = self._assigned()
         chosen = {
@@ -175,13 +178,13 @@ class Locator:
         return Learned(self._locate(chosen, self.array).errors, sum(rows.size for rows in chosen.values()))
 
     def _assigned(self) -> Assignment:
-        """Assign all pulses so far to the current findings; pulses are recorded here because that is faster in bulk."""
+        """Assign all pulses so far to the current findings; new pulses are recorded here in bulk, which is faster."""
         self._record.extend(self._not_recorded)
         self._not_recorded = []
         return self._assigner.assign(self.findings, self._error_rad)
 
     def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
-        """Assign all pulses so far, fit them if their basis has changed or `always`, and return all findings."""
+        """Assign all pulses so far, fit if they have changed considerably or `always`, and return all findings."""
         assignment = self._with_initiation(self._without_unsupported(), time_s)
         basis: dict[int, FitBasis] = {}
         for k, finding in enumerate(self.findings):
@@ -197,7 +200,7 @@ class Locator:
         return self.findings
 
     def _without_unsupported(self) -> Assignment:
-        """Drop findings with too few pulses to initiate one, and assign all pulses to the others."""
+        """Drop findings that have fewer pulses than initiate a candidate, and assign all pulses to the others."""
         assignment = self._assigned()
         finding = assignment.finding
         n_pulses = np.bincount(finding[finding >= 0], minlength=len(self.findings))
@@ -209,9 +212,9 @@ class Locator:
         return self._assigned()
 
     def _with_initiation(self, assignment: Assignment, time_s: float) -> Assignment:
-        """Give recent unassigned pulses to a new candidate.
+        """Initiate a candidate from recent unassigned pulses.
 
-        If they cross where a finding already is, its position is wrong, and they become its own.
+        If their lines of sight cross near an existing finding, its position is wrong, and they are assigned to it.
         """
         is_first = all(finding.state not in ("candidate", "confirmed") for finding in self.findings)
         unassigned = assignment.finding == Unassociated.UNASSIGNED
@@ -230,7 +233,7 @@ class Locator:
         return self._assigner.assign(self.findings, self._error_rad)._replace(finding=finding)
 
     def _with_states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
-        """Update the states of findings; a new confirmation must hold with the pulses assigned again."""
+        """Update the states of findings; a new confirmation must still hold after the pulses are reassigned."""
         now = self._states(findings, assignment, time_s)
         is_new = [a.state == "confirmed" != b.state for a, b in zip(now, findings, strict=True)]
         if not any(is_new):
@@ -250,9 +253,9 @@ class Locator:
         )
 
     def _fit(self, assignment: Assignment) -> list[Finding]:
-        """Fit the positions of findings to their pulses, or triangulate those of which no pulse is in sight.
+        """Fit the positions of findings to their pulses in sight; triangulate findings that have too few of these.
 
-        Possible discharges are fitted together with the errors of the array, other findings with the resulting errors.
+        Findings in `LEARNING_STATES` are fitted jointly with the errors of the array; the others with these errors.
         """
         moved, chosen = list(self.findings), dict[int, Rows]()
         for k, finding in enumerate(self.findings):
@@ -277,7 +280,7 @@ class Locator:
         return moved
 
     def _learn(self, learning: dict[int, Rows]) -> JointEstimate:
-        """Fit findings together with the errors of the array, and keep these."""
+        """Fit findings jointly with the errors of the array, and store the errors."""
         estimate = self._locate(learning, self.array)
         if self.array.errors is not None and estimate.errors.contradicts(self.array.errors):
             self.array = replace(self.array, errors=None)
@@ -287,14 +290,14 @@ class Locator:
         return estimate
 
     def _move(self, findings: list[Finding], fitted: Iterable[int], estimate: JointEstimate) -> None:
-        """Move the fitted findings to their estimated positions."""
+        """Move the fitted findings to their estimated positions; one that moves too far becomes a candidate."""
         for k, position, covariance in zip(fitted, estimate.positions_m, estimate.covariances_m2, strict=True):
             has_jumped = np.linalg.norm((position - findings[k].position_m)[:2]) > self.rules.merge_m
             state = "candidate" if has_jumped else findings[k].state
             findings[k] = replace(findings[k], position_m=position, covariance_m2=covariance, state=state)
 
     def _locate(self, chosen: dict[int, Rows], array: ArrayModel) -> JointEstimate:
-        """Fit some of the findings, each to the chosen rows of its pulses, by the solver of the rules."""
+        """Fit some of the findings, each to the chosen rows of pulses, with the solver that the rules name."""
         locate = locate_jointly if self.rules.solver == "joint" else locate_by_bearings
         pulses, poses = zip(*(self._record.pooled(own, self.rules.max_pulses) for own in chosen.values()), strict=True)
         return locate(
@@ -307,7 +310,7 @@ class Locator:
         )
 
     def _start(self, finding: Finding, rows: Rows) -> FloatArray:
-        """Return the start of the joint fit: the last position if it is known well, or a rough crossing."""
+        """Return the starting point of the fit: the last position if it is known well, else a rough crossing."""
         if finding.semi_major_m < 2 * self.rules.merge_m:
             return finding.position_m
         return self._record.rough_crossing(choose_evenly(rows, self.rules.max_pulses), self._error_rad)
@@ -322,15 +325,15 @@ def rows_of_candidate(
     *,
     is_first: bool,
 ) -> Rows:
-    """Return the rows of the largest group of recent unassigned pulses from one direction; empty if it is too small.
+    """Find the largest group of recent unassigned pulses from one direction; return no rows if it is too small.
 
-    Pulses from above initiate the first candidate only, because two waves at a time look like one from above.
+    Pulses from above can initiate only the first candidate, because two simultaneous waves look like one from above.
 
     Args:
         record: All pulses.
-        unassigned: True for pulses that point to no finding, shape (n,).
+        unassigned: True for pulses that are not associated with a finding, shape (n,).
         error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
-        rules: Number of pulses, arc and age.
+        rules: Minimum number of pulses, width of the arc, and maximum age.
         time_s: Current time.
         is_first: True if there is neither a candidate nor a confirmed finding.
     """
@@ -350,9 +353,9 @@ def rows_of_candidate(
 
 
 def new_candidate(record: PulseRecord, rows: Rows, error_rad: FloatArray, number: int) -> Finding:
-    """Make a candidate where the lines of sight of some pulses cross, or at a typical range if they do not.
+    """Create a candidate where the lines of sight of some pulses cross, or at a typical range if they do not.
 
-    At most 4096 lines of sight are used, evenly chosen.
+    At most 4096 lines of sight are used, evenly selected.
     """
     position_m, covariance_m2 = record.crossing(choose_evenly(rows, 4096), error_rad)
     if not np.isfinite(covariance_m2).all():
@@ -376,7 +379,7 @@ def new_candidate(record: PulseRecord, rows: Rows, error_rad: FloatArray, number
 
 
 def _count_neighbours(bearing_rad: FloatArray, arc_rad: float) -> NDArray[np.intp]:
-    """Count the bearings (n,) within an arc to either side of each, shape (n,)."""
+    """Count, for each bearing, the bearings within an arc to either side of it; both have the shape (n,)."""
     turned_rad = np.mod(bearing_rad, 2 * np.pi)
     sorted_rad = np.sort(turned_rad)
     around_rad = np.concatenate([sorted_rad - 2 * np.pi, sorted_rad, sorted_rad + 2 * np.pi])
@@ -387,7 +390,7 @@ def _count_neighbours(bearing_rad: FloatArray, arc_rad: float) -> NDArray[np.int
 def merge_findings(findings: Iterable[Finding], merge_m: float) -> list[Finding]:
     """Drop every finding that lies within `merge_m` of a confirmed one, or else of one with a lower id.
 
-    Distances are on plan. The others keep the order of their ids.
+    Distances are horizontal. The remaining findings stay in the order of their ids.
     """
     distinct: list[Finding] = []
     for finding in sorted(findings, key=lambda one: (one.state != "confirmed", one.id)):

@@ -1,4 +1,4 @@
-"""The interface of a Locator: its inputs and its contract."""
+"""Interface of a Locator: its inputs, outputs and contract."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 LineOfSight = Callable[[FloatArray, FloatArray, float], FloatArray]
-"""Maps places (n, 3), a target (3,) and a depth in metres to the transmission factor of the direct path from each place
-to the target, (n,), in [0, 1]: the share of a wave's amplitude that known equipment transmits. Equipment within the
-depth before the target is ignored."""
+"""Function of positions, shape (n, 3), a target, shape (3,), and a depth in metres. It returns the transmission factor
+of the direct path from each position to the target, shape (n,), in [0, 1]: the fraction of a wave's amplitude that
+known equipment transmits. Equipment within the given depth in front of the target is ignored."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PoseError:
-    """Error of the robot's pose: standard deviations of position and heading, and its correlation time."""
+    """Error of the robot's pose: standard deviations of position and heading, and correlation time."""
 
     position_m: float
     heading_rad: float
@@ -32,19 +32,19 @@ class PoseError:
 
 
 class LocatorProtocol(Protocol):
-    """Turns pulses with bearings into findings, from pose to pose.
+    """Object that turns pulses with bearings into findings, step by step.
 
-    A Locator knows the array's data sheet, the pose error and the map, never the truth. It is called by one tracker:
-    `update` at every control step, `refit` after the last pulse, `association` at the end. The policy drives by the
-    findings, mainly by those in the state `candidate`.
+    A Locator knows the array's data sheet, the pose error and the map, but never the truth. One tracker calls it:
+    `update` at every control step, `refit` after the last pulse, and `association` at the end. The policy uses the
+    findings, mainly those in the state `candidate`, to decide where to drive.
     """
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """All current findings, in the order of their ids; empty before the first pulse.
 
-        Ids are at least 1. A finding keeps its id, and no id is used twice. Findings are compared by value, and logged
-        when they change.
+        Ids are at least 1. A finding keeps its id, and an id is never reused. Findings are compared by value, and
+        logged when they change.
         """
         ...
 
@@ -52,12 +52,12 @@ class LocatorProtocol(Protocol):
         """Add the pulses that were detected at one pose.
 
         Args:
-            time_s: Time of the pose, from any origin; must not decrease from call to call.
+            time_s: Time of the pose, relative to any origin; must not decrease from call to call.
             pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
-            pulses: Credible pulses with their directions, n_pulses rows, n_pulses >= 0.
+            pulses: Pulses that are consistent with a single plane wave, with their directions, n_pulses >= 0 rows.
 
         Returns:
-            The findings.
+            All current findings.
         """
         ...
 
@@ -69,14 +69,14 @@ class LocatorProtocol(Protocol):
         """Associate each pulse with one of the current findings.
 
         Returns:
-            Id of a finding, or a code of `Unassociated`, for each pulse that `update` was given, in that order; shape
-            (n_pulses_so_far,). The mains phases of a finding's pulses show the kind of discharge.
+            Id of a finding, or a code of `Unassociated`, for each pulse passed to `update`, in that order; shape
+            (n_pulses_so_far,). The mains phases of a finding's pulses are used to classify the discharge.
         """
         ...
 
 
 class MakesLocator(Protocol):
-    """The class of a Locator, or a function that returns one."""
+    """Class of a Locator, or a function that returns a Locator."""
 
     def __call__(
         self,
@@ -87,13 +87,13 @@ class MakesLocator(Protocol):
         rules: LocatingRules,
         sight: LineOfSight | None,
     ) -> LocatorProtocol:
-        """Make a Locator for one mission.
+        """Create a Locator for one mission.
 
         Args:
             array: The array's data sheet and spread.
             pose_error: Error of the poses given to `update`.
-            fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
-            rules: Rules of the scenario, with defaults for the rest; a Locator may use any of them.
-            sight: Transmission along lines of sight by the map of the yard; None without a map.
+            fence_m: Length of the yard along x and y, with the origin at its corner; None without a fence.
+            rules: Rules from the scenario, with defaults for those not set; a Locator may use any of them.
+            sight: Transmission along lines of sight according to the map of the yard; None without a map.
         """
         ...

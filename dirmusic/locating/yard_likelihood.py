@@ -1,4 +1,4 @@
-"""Likelihood over the yard: all pulses so far, on one grid of places (direct position determination)."""
+"""Likelihood map of the yard from all pulses so far, on a grid of positions (direct position determination)."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 CELL_M = 0.75
-"""Side of the cells of a grid (assumed); larger in a yard that would have more than 10 000 of them."""
+"""Side length of a grid cell (assumed). It is larger in a yard that would have more than 10 000 cells."""
 
 N_FINE = 720
 """Number of azimuths at which the likelihood of a pulse is tabulated: every half degree."""
 
 OUTLIER_SIGMAS = 3.0
-"""Offset of a pulse from a place, in standard deviations, beyond which all places are alike (assumed): with several
-sources, and reflections, only a part of the pulses comes from each place."""
+"""Offset of a pulse from a position, in standard deviations, beyond which all positions are equally likely (assumed):
+with several sources and reflections, only some of the pulses come from each position."""
 
 
 class Grid(NamedTuple):
-    """Square cells on the ground.
+    """Grid of square cells on the ground.
 
     Attributes:
         corner_m: Corner of the first cell, world frame, shape (2,).
-        cell_m: Side of a cell.
+        cell_m: Side length of a cell.
         shape: Number of cells along x and y.
     """
 
@@ -42,7 +42,7 @@ class Grid(NamedTuple):
 
     @classmethod
     def over(cls, low_m: FloatArray, high_m: FloatArray) -> Grid:
-        """Cover a rectangle between two corners (2,), world frame."""
+        """Create a grid that covers the rectangle between two corners, world frame, each of shape (2,)."""
         size_m = high_m - low_m
         cell_m = max(CELL_M, float(np.sqrt(np.prod(size_m) / 10_000)))
         nx, ny = np.maximum(np.ceil(size_m / cell_m), 1).astype(np.intp).tolist()
@@ -50,37 +50,39 @@ class Grid(NamedTuple):
 
     @property
     def centres_m(self) -> FloatArray:
-        """Centres of all cells, along y first, shape (n_cells, 2)."""
+        """Centres of all cells, with y varying fastest, shape (n_cells, 2)."""
         cells: FloatArray = np.indices(self.shape, dtype=np.float64).reshape(2, -1).T + 0.5
         return self.corner_m + self.cell_m * cells
 
 
 class YardLikelihood:
-    r"""Likelihood of a source at each place, by all pulses so far, without any association.
+    r"""Likelihood of a source at each position, from all pulses so far, without associating pulses with findings.
 
-    A pulse of strengths s, scaled to unit norm like the gains :math:`u(\theta)`, misses a direction by
-    :math:`m(\theta) = 1 - (s^T u(\theta))^2`. Divided by the variance :math:`\sigma^2` of its bearing by noise, array,
-    heading and grid, that is :math:`\chi^2 = (m - \min m) / (\sigma^2 |u_\perp'|^2)`, and a place p seen in direction
-    :math:`\theta_p` gains
+    The misfit of a pulse in direction :math:`\theta` is :math:`m(\theta) = 1 - (s^T u(\theta))^2`, where the strengths
+    s and the gains :math:`u(\theta)` are scaled to unit norm. With the variance :math:`\sigma^2` of its bearing due to
+    noise, array, heading and grid, the normalised misfit is
+    :math:`\chi^2 = (m - \min m) / (\sigma^2 |u_\perp'|^2)`. The pulse adds to the log likelihood of a position p that
+    is seen in direction :math:`\theta_p`
 
     .. math:: \ln \frac{e^{-\chi^2(\theta_p) / 2} + e^{-c^2 / 2}}{e^{-c^2 / 2}}
 
-    with c = `OUTLIER_SIGMAS`: nothing where the pulse points elsewhere, 4.5 at most. Pulses of one place, heading and
-    direction are pooled. Errors of the array, the same for many pulses, are taken as independent: peaks are at the
-    positions of findings, and sharper than their ellipses. Everything is in the plane of the array.
+    with c = `OUTLIER_SIGMAS`. This is 0 where the pulse points elsewhere, and about 4.5 at most. Pulses from one
+    position, heading and direction are pooled. Errors of the array, which many pulses share, are treated as
+    independent: the peaks are at the positions of the findings, but sharper than their ellipses. All computations are
+    in the plane of the array.
 
     Args:
         array: The array's data sheet and spread.
         pose_error: Error of the poses.
-        grid: The places.
+        grid: Grid of positions.
 
     Attributes:
-        grid: The places.
-        log_likelihood: Sum over all pulses so far, relative to a place that none points to, shape (n_cells,).
+        grid: Grid of positions.
+        log_likelihood: Sum over all pulses so far, relative to a position that no pulse points to, shape (n_cells,).
 
     References:
         Weiss, Direct position determination of narrowband radio frequency transmitters, IEEE Signal Processing Letters
-        11 (5), 2004: of received signals; here of their strengths.
+        11 (5), 2004. The paper uses received signals; this class uses their strengths.
     """
 
     def __init__(self, array: ArrayModel, pose_error: PoseError, grid: Grid) -> None:
@@ -89,14 +91,14 @@ class YardLikelihood:
         self._array = array
         self._heading_rad2 = pose_error.heading_rad**2
         self._centres_m = grid.centres_m
-        # From 4 m on (assumed), a line of bearing is at least as wide as a cell, so that none falls between cells.
+        # Beyond 4 m (assumed), a line of bearing is at least as wide as a cell, so that it cannot pass between cells.
         self._blur_rad2 = (grid.cell_m / 4.0) ** 2 / 12.0
 
     def add(self, pulses: PulseBatch, pose: FloatArray) -> None:
         """Add pulses with their directions.
 
-        Pulses that differ by less than 0.5 m, 10 degrees of heading and 10 degrees of bearing are pooled (assumed):
-        less than a cell, and gains are nearly linear.
+        Pulses that differ by less than 0.5 m in position, 10 degrees in heading and 10 degrees in bearing are pooled
+        (assumed): this is less than a cell, and the gains are nearly linear over such angles.
 
         Args:
             pulses: The pulses, n rows.
@@ -115,7 +117,7 @@ class YardLikelihood:
         self.log_likelihood = self.log_likelihood + contribution.sum(axis=0)
 
     def _gains(self, pulses: PulseBatch) -> FloatArray:
-        """Tabulate the contribution of each pulse to places over azimuth, shape (n_pulses, N_FINE)."""
+        """Tabulate the contribution of each pulse over array azimuth, shape (n_pulses, N_FINE)."""
         manifold = self._array.manifold
         usable = pulses.is_usable.astype(np.float64)
         strengths = pulses.strengths_v * usable
