@@ -110,7 +110,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     | lidar | 36 | [0, 12] | m | ranges every 10 degrees counter-clockwise, starting ahead; 12 if nothing is in range |
     | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | speed and yaw rate; bounds are twice the limits |
     | detected | 1 | [0, 1] | 1 | 1 if a pulse was detected in this step |
-    | strengths | n_elements | [0, 1] | 1 | channel strengths of the strongest pulse of this step, unit norm |
+    | strengths | 6 | [0, 1] | 1 | strengths of the strongest pulse of this step, one per element, unit norm |
     | level | 1 | [0, 5] | decades | log10 of that pulse's strength over the noise of one sample, clipped |
     | spectrum | 72 | [0, 1] | 1 | that pulse's pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
     | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |

@@ -1,5 +1,6 @@
 """Logs of missions made without running one."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -20,9 +21,9 @@ def empty_log() -> MissionLog:
     )
 
 
-def two_findings(*, mains: bool = True) -> MissionLog:
+def two_findings(*, mains_hz: float = 50.0) -> MissionLog:
     """Return the log of a mission with two findings."""
-    log = log_of_two_findings(1, mains=mains)
+    log = log_of_two_findings(1, mains_hz)
     log.meta["bounds_m"] = [[-5.0, -5.0], [20.0, 20.0]]
     return log
 
@@ -45,7 +46,7 @@ def add_finding(
 
 LOGS: dict[str, Callable[[], MissionLog]] = {
     "two_findings": two_findings,
-    "no_mains": lambda: two_findings(mains=False),
+    "no_mains": lambda: two_findings(mains_hz=math.nan),
     "killed": killed_log,
     "empty": empty_log,
     "field": lambda: log_of_table(EXAMPLE, date="2026-03-02"),
