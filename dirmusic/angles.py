@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled
-
-FloatArray = NDArray[np.float64]
 
 
 def wrap(angle_rad: ArrayLike) -> FloatArray:

@@ -22,7 +22,8 @@ import numba
 import numpy as np
 from numba import types
 from numba.experimental import structref
-from numpy.typing import NDArray
+
+from dirmusic.arrays import FloatArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 _Value = TypeVar("_Value")
@@ -132,12 +133,12 @@ def compiled_inner(function: _Function) -> _Function:
     return compiled(function, no_cpython_wrapper=True)
 
 
-def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
+def elementwise(function: Callable[..., float]) -> Callable[..., FloatArray]:
     """Compile a function of scalars to a NumPy ufunc, which other compiled functions can call too."""
     if numba.config.DISABLE_JIT:  # pyright: ignore
         return np.vectorize(function, otypes=[np.float64])
     with _own_cache() as keep:
-        return cast("Callable[..., NDArray[np.float64]]", numba.vectorize(cache=keep)(function))  # pyright: ignore
+        return cast("Callable[..., FloatArray]", numba.vectorize(cache=keep)(function))  # pyright: ignore
 
 
 @structref.register  # pyright: ignore[reportUnknownMemberType]

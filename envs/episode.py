@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.scenario import Scenario, position_error
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
-
-FloatArray = NDArray[np.float64]
 
 
 class Generators(NamedTuple):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import wrapped
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.robot_states import Parameters, RobotStates
 from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
-
-FloatArray = NDArray[np.float64]
 
 
 @compiled

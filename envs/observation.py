@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.bearing.spectrum import pulse_spectrum
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.progress import MAX_BEARING_AGE_S
@@ -18,7 +19,6 @@ from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 
 Observation = dict[str, NDArray[np.float32]]
 Float32Array = NDArray[np.float32]
-FloatArray = NDArray[np.float64]
 
 MAX_LEVEL_DECADES = 5.0
 """Upper bound of the observed level, log10 of strength over the noise of one sample."""
@@ -70,7 +70,7 @@ class ObservationLayout:
 
 @compiled_inner
 def strongest_pulses(
-    is_usable: NDArray[np.bool_], robot: NDArray[np.intp], strengths_v: FloatArray, azimuth_rad: FloatArray
+    is_usable: BoolArray, robot: IntArray, strengths_v: FloatArray, azimuth_rad: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Find, for each robot, the pulse with the most energy in its usable channels.
 
@@ -98,7 +98,7 @@ def strongest_pulses(
 def observe_robots(
     held: HeldRobots,
     readings: FloatArray,
-    robot: NDArray[np.intp],
+    robot: IntArray,
     strengths_v: FloatArray,
     azimuth_rad: FloatArray,
 ) -> Float32Array:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.robot_states import Parameters, RobotStates
 from pdpatrol.robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
-
-FloatArray = NDArray[np.float64]
 
 MAX_BEARING_AGE_S = 60.0
 """Upper bound of the observed age of the last bearing. Assumed; an older bearing is of little use to a moving robot."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
@@ -15,8 +15,6 @@ from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipmen
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
 from pdpatrol.sensing.radio.transmission import Sight
-
-FloatArray = NDArray[np.float64]
 
 SIZE_M = (32.0, 26.0)
 DOCK_M = (2.5, 2.5)

@@ -8,13 +8,11 @@ from typing import Any, NamedTuple, Self, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import BoolArray, FloatArray
 from dirmusic.compiled import Held
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 N_DRAWS = 4
 """Number of standard normal draws per robot and step: x, y and yaw of the pose sensor, and the gyro."""

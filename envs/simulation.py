@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
@@ -30,9 +31,7 @@ from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-Rows = NDArray[np.intp]
+Rows = IntArray
 
 INFO_KEYS = (
     "time_s", "believed_pose", "odometry", "battery", "reward_progress", "reward_time", "reward_contact", "touched",

@@ -14,14 +14,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from dirmusic.arrays import BoolArray
 from pdpatrol.envs.episode import ResetOptions
 from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.patrol_env import SimulatedEnv, check_actions, resolve_scenario
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.simulation import Rows, Simulation
-
-BoolArray = NDArray[np.bool_]
 
 
 class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.missions.atomic_file import atomic_file
@@ -34,8 +35,6 @@ from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.missions.report.wording import phase_text, title_text
 from pdpatrol.robot_models.rendering import pictures_from_behind
 from pdpatrol.robot_models.world import build_spec
-
-FloatArray = NDArray[np.float64]
 
 CLIP_S = 20.0
 """Duration of a film at its default pace."""
@@ -89,7 +88,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
             shutil.copyfile(file, temporary)
 
 
-def film_frames(log: MissionLog, steps: NDArray[np.intp], bearing_s: float, dpi: int) -> Iterator[NDArray[np.uint8]]:
+def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) -> Iterator[NDArray[np.uint8]]:
     """Yield the pixels of each frame, shape (height, width, 3).
 
     Args:

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 MAX_ELEMENTS = 16
 """Maximum number of antenna elements of a robot."""

@@ -15,9 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.world import CHASE
-
-FloatArray = NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
 """Size of the pictures of the environment, pixels."""

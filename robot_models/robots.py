@@ -11,8 +11,9 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_measures import driven_wheels
@@ -21,9 +22,6 @@ from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RAN
 from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
 from pdpatrol.robot_models.yard.yard import Yard
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 
 class Robots:
@@ -120,7 +118,7 @@ class Robots:
         """
         return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
 
-    def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
+    def reset(self, rows: Sequence[int] | IntArray, poses: ArrayLike) -> None:
         """Put some robots at rest on their wheels, with time and state reset.
 
         Args:
@@ -151,7 +149,7 @@ class Robots:
         self._update_readings()
 
     def drive(
-        self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
+        self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: IntArray | None = None
     ) -> None:
         """Drive each robot with a constant command, and record all contacts.
 
@@ -195,7 +193,7 @@ class Robots:
         self._feedback[0][:] = self._gyro_radps
         self.readings = Readings(*read(*self._read))
 
-    def n_warnings(self) -> NDArray[np.intp]:
+    def n_warnings(self) -> IntArray:
         """Return the number of MuJoCo warnings for each robot, shape (n_robots,)."""
         return np.asarray(self._batch.warning).reshape(len(self._places), -1).sum(axis=-1)
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 
 @compiled

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import PATTERN_APART_RAD, ElementErrors, ElementSpread, ManifoldPrior
 from dirmusic.array.manifold import GainManifold
-
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 
 def perpendicular_slope(gain: FloatArray, slope: FloatArray) -> FloatArray:

@@ -8,11 +8,9 @@ from typing import Self
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
-from numpy.typing import NDArray
 
 from dirmusic.array.manifold import GainManifold
-
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,10 +210,10 @@ class EstimatedErrors:
         """Mean as a vector ordered by kind, shape (3 n_elements,)."""
         return np.concatenate([self.mean.gain, self.mean.pointing_rad, self.mean.offset])
 
-    def take(self, elements: Sequence[int] | NDArray[np.intp]) -> Self:
+    def take(self, elements: Sequence[int] | IntArray) -> Self:
         """Select elements by index."""
         states = np.arange(self.covariance.shape[0], dtype=np.intp).reshape(N_KINDS, -1)
-        rows: NDArray[np.intp] = states[:, elements].ravel()
+        rows: IntArray = states[:, elements].ravel()
         return self.of_states(self.state[rows], self.covariance[rows][:, rows], len(elements))
 
     def drifted(self, spread: ElementSpread) -> Self:

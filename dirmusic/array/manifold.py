@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dirmusic.angles import difference
 from dirmusic.array.pattern import (
@@ -19,16 +19,15 @@ from dirmusic.array.pattern import (
     gain_in_space,
     tabulate,
 )
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.compiled import Held
-
-FloatArray = NDArray[np.float64]
 
 SEARCH_STEP_RAD = np.radians(2.0)
 SEARCH_AZIMUTHS_RAD = np.arange(180) * SEARCH_STEP_RAD
 """Grid for the coarse peak search, before refinement; its step is small compared with a lobe of a ring's element."""
 
 
-def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
+def nearest_search_azimuth(azimuth_rad: FloatArray) -> IntArray:
     """Return the index of the nearest of `SEARCH_AZIMUTHS_RAD` for each azimuth."""
     return np.rint(azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
 
@@ -134,7 +133,7 @@ class GainManifold:
         """Return a copy with other boresights, gain factors or offsets, given under their names in the constructor."""
         return GainManifold(self.pattern, **{**self._of_elements, **changes})
 
-    def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
+    def take(self, elements: Sequence[int] | IntArray | BoolArray) -> GainManifold:
         """Select elements by index or mask, for a receiver with fewer channels or to leave out faulty elements."""
         chosen = np.arange(self.n_elements)[np.asarray(elements)]
         key = tuple(chosen.tolist())

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.bounds import manifold_error_std, rms_bearing_error
 from dirmusic.array.element_errors import ElementSpread, EstimatedErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
-
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +46,7 @@ class ArrayModel:
         by_pattern = manifold_error_std(manifold, SEARCH_AZIMUTHS_RAD, ElementSpread(pattern=self.spread.pattern))
         return float(np.hypot(rms_bearing_error(manifold, errors.covariance), np.sqrt(np.square(by_pattern).mean())))
 
-    def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> ArrayModel:
+    def take(self, elements: Sequence[int] | IntArray | BoolArray) -> ArrayModel:
         """Select elements by index or mask."""
         chosen = np.arange(self.manifold.n_elements)[np.asarray(elements)]
         return ArrayModel(

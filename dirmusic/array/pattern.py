@@ -7,11 +7,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
-
-FloatArray = NDArray[np.float64]
 
 
 @compiled_inner

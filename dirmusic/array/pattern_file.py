@@ -7,13 +7,12 @@ from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.pattern import TabulatedPattern
 from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.arrays import FloatArray
 from dirmusic.input_file import InputFileError, read_whole
 
-FloatArray = NDArray[np.float64]
 Rows = list[tuple[int, list[str]]]
 """Line number in the file and cells of each row of a table."""
 

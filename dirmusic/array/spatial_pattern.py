@@ -7,11 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dirmusic.array.pattern import MAX_GAP_RAD, TabulatedPattern
-
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 LEAST_GAIN = 1e-6
 """Lower limit of the gain, 120 dB below the reference: a spline may overshoot below 0 between the tabulated angles."""

@@ -11,15 +11,14 @@ from itertools import combinations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.bearing.estimators import BearingEstimator
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.pulses.batch import Bearings, PulseBatch
 
-FloatArray = NDArray[np.float64]
 FaultName = Literal["dead", "low", "high", "swapped", "stuck"]
 
 
@@ -172,14 +171,12 @@ class ChannelMonitor:
             return [min(cures, key=lambda one: one[0])[1]]
         return self._swapped(strengths_v, channels, unexplained)
 
-    def _fit(self, strengths_v: FloatArray, channels: NDArray[np.intp]) -> Bearings:
+    def _fit(self, strengths_v: FloatArray, channels: IntArray) -> Bearings:
         """Estimate the directions of pulses, strengths of shape (n, n_channels), from some of the channels."""
         pulses = PulseBatch.detected(np.zeros(len(strengths_v)), strengths_v, np.zeros_like(strengths_v))
         return maximum_likelihood(pulses, self.array.take(channels))
 
-    def _without(
-        self, strengths_v: FloatArray, channels: NDArray[np.intp], k: int
-    ) -> tuple[float, SuspectChannel] | None:
+    def _without(self, strengths_v: FloatArray, channels: IntArray, k: int) -> tuple[float, SuspectChannel] | None:
         """Return the median misfit without channel k and the fault of that channel, or None if it is not faulty."""
         others = np.delete(np.arange(channels.size), k)
         azimuth, _, misfit = self._fit(strengths_v[:, others], channels[others])
@@ -200,7 +197,7 @@ class ChannelMonitor:
         kind = "dead" if median_db < self.DEAD_DB else "low" if median_db < 0 else "high"
         return remaining, SuspectChannel(int(channels[k]) + 1, kind, median_db, int(tests.sum()))
 
-    def _swapped(self, strengths_v: FloatArray, channels: NDArray[np.intp], unexplained: float) -> list[SuspectChannel]:
+    def _swapped(self, strengths_v: FloatArray, channels: IntArray, unexplained: float) -> list[SuspectChannel]:
         """Find a pair of channels that, once exchanged, let single directions explain the pulses."""
         n = len(strengths_v)
         if unexplained < self.AGREED_MISFIT or n < self.SWAP_PULSES:

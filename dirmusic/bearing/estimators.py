@@ -6,18 +6,16 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import difference, wrap, wrapped
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.bearing.maximum_likelihood import TINY, look_up, maximum_likelihood
 from dirmusic.bearing.sub_bands import sub_band_likelihood
 from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
-
-FloatArray = NDArray[np.float64]
 
 
 class BearingEstimator(Protocol):
@@ -44,7 +42,7 @@ class BearingEstimator(Protocol):
 
 
 @compiled
-def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> NDArray[np.intp]:
+def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> IntArray:
     r"""Find, for each pulse, the grid direction at which eq. (15), as printed, has its peak.
 
     The noise subspace of a single pulse a is the orthogonal complement of a, so
@@ -191,7 +189,7 @@ ESTIMATORS: dict[str, BearingEstimator] = {
 """Built-in estimators by name, the most accurate first."""
 
 
-def method_std(estimator: BearingEstimator, array: ArrayModel) -> NDArray[np.float64]:
+def method_std(estimator: BearingEstimator, array: ArrayModel) -> FloatArray:
     """Compute the standard deviation that an estimator returns without noise, for each of `SEARCH_AZIMUTHS_RAD`.
 
     The result is in radians. It is zero for `maximum_likelihood`, and about 17 degrees for `strongest` with six

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dirmusic.angles import wrap, wrapped
 from dirmusic.array.bounds import perpendicular_slope
@@ -14,11 +14,10 @@ from dirmusic.array.element_errors import ManifoldPrior
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import cubic
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
-
-FloatArray = NDArray[np.float64]
 
 REFINEMENTS = 2
 """Number of Gauss-Newton steps after the first; without noise, two converge to 1e-9 rad."""
@@ -149,7 +148,7 @@ def fit_pulses(
 
 
 def bearing_posterior(
-    fit: Fit, manifold: GainManifold, prior: ManifoldPrior, rows: NDArray[np.intp]
+    fit: Fit, manifold: GainManifold, prior: ManifoldPrior, rows: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     r"""Compute mean and standard deviation of the azimuth, given strengths and a prior of the array errors.
 

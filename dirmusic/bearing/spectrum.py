@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled
 from dirmusic.pulses.strengths import dot
-
-FloatArray = NDArray[np.float64]
 
 
 def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
@@ -136,7 +134,7 @@ def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: in
     return np.where(np.take_along_axis(is_peak, chosen, axis=-1), peaks, np.nan)
 
 
-def source_count(covariance: FloatArray, n_snapshots: int) -> NDArray[np.intp]:
+def source_count(covariance: FloatArray, n_snapshots: int) -> IntArray:
     r"""Estimate the number of sources in a record by minimum description length.
 
     .. math:: \hat k = \arg\min_k \; \frac{n (N - k)}{2} \ln \frac{\bar\lambda_k}{\tilde\lambda_k}

@@ -6,18 +6,17 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import toeplitz
 
 from dirmusic.angles import wrapped
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import FloatArray
 from dirmusic.bearing.maximum_likelihood import REFINEMENTS, TINY, look_up, maximum_likelihood
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
-
-FloatArray = NDArray[np.float64]
 
 
 class SubBands:

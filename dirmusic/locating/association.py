@@ -7,15 +7,12 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.gating import JudgedPulses, judge_pulses
 from dirmusic.locating.pulse_record import PulseRecord, Rows
 from dirmusic.locating.rules import AssignmentRules
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 SAME_M, SAME_DB, SAME_RAD = 0.05, 0.5, np.radians(0.2)
 """Changes of a finding's position, level and bearings up to which its pulses are not compared with it again. Assumed:
@@ -79,7 +76,7 @@ class Assignment(NamedTuple):
         is_echo: True if the pulse may be multipath of a finding other than its own.
     """
 
-    finding: NDArray[np.intp]
+    finding: IntArray
     in_sight: BoolArray
     level_db: FloatArray
     may_be: BoolArray
@@ -267,7 +264,7 @@ class Assigner:
 
 
 def too_many_for_multipath(
-    time_s: FloatArray, bearing_rad: FloatArray, is_suspect: BoolArray, source: NDArray[np.intp], n_sources: int
+    time_s: FloatArray, bearing_rad: FloatArray, is_suspect: BoolArray, source: IntArray, n_sources: int
 ) -> BoolArray:
     r"""Return which pulses came from one direction in greater number than the multipath of known sources can explain.
 
@@ -312,7 +309,7 @@ def too_many_for_multipath(
     return too_many
 
 
-def may_share_phase(phase_rad: FloatArray, source: NDArray[np.intp], n_findings: int) -> BoolArray:
+def may_share_phase(phase_rad: FloatArray, source: IntArray, n_findings: int) -> BoolArray:
     r"""Return whether each pulse may have come from each finding, given the mains phases of the finding's sure pulses.
 
     If :math:`c_b` of the n sure pulses of a finding are in bin b, smoothed over the adjacent bins, pulses of that phase

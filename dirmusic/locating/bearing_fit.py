@@ -10,13 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error_covariance, perpendicular_slope
 from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.joint_fit import (
     POSITION_PRIOR_M,
     ROBUST_SCALE,
@@ -27,8 +28,6 @@ from dirmusic.locating.joint_fit import (
 )
 from dirmusic.locating.protocol import PoseError
 from dirmusic.pulses.batch import PulseBatch
-
-FloatArray = NDArray[np.float64]
 
 START_RANGES_M = np.geomspace(0.5, 100.0, 24)
 """Ranges along each bearing at which starting points for the search are tried."""
@@ -54,7 +53,7 @@ class PositionEstimate:
 
     position_m: FloatArray
     covariance_m2: FloatArray
-    is_inlier: NDArray[np.bool_]
+    is_inlier: BoolArray
 
 
 def triangulate(positions_m: ArrayLike, bearings_rad: ArrayLike, std_rad: ArrayLike) -> PositionEstimate:
@@ -142,7 +141,7 @@ def _offsets(point: FloatArray, position: FloatArray, bearing: FloatArray, std: 
 def locate_by_bearings(
     pulses: PulseBatch,
     pose: FloatArray,
-    source: NDArray[np.intp],
+    source: IntArray,
     start_m: FloatArray,
     array: ArrayModel,
     pose_error: PoseError,

@@ -6,17 +6,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import aperture, difference
+from dirmusic.arrays import BoolArray, FloatArray
 from dirmusic.locating.association import Assignment
 from dirmusic.locating.finding import Finding, reaches95
 from dirmusic.locating.gating import expect_bearings
 from dirmusic.locating.pulse_record import LIKELIEST_HEIGHT, PulseRecord, Rows, choose_evenly
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LEVEL_QUANTILE = 0.75
 """Quantile of the levels of its pulses that is taken as the level of a finding (assumed): the stronger pulses are those

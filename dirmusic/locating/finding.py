@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
+
 State = Literal["candidate", "confirmed", "outside", "ghost"]
 
 CHI2_95 = float(-2.0 * np.log(0.05))

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import difference
+from dirmusic.arrays import BoolArray, FloatArray
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.pulse_record import LEAST_RANGE_M, PulseRecord, Rows
 from dirmusic.locating.rules import AssignmentRules
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 NEAR_FIELD_SHARE = 0.5
 """Distance by which a far-field bearing may miss a nearby source, as a fraction of the array's radius (assumed)."""

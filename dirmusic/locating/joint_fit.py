@@ -18,6 +18,7 @@ from dirmusic.angles import difference
 from dirmusic.array.element_errors import PATTERN_APART_RAD, EstimatedErrors, off_by_pattern
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import as_boresights
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.joint_kernels import (
     CostExpansion,
     FitData,
@@ -30,8 +31,6 @@ from dirmusic.locating.joint_kernels import (
 from dirmusic.locating.plane_wave import ELEVATIONS_RAD, gains_in_space
 from dirmusic.locating.protocol import PoseError
 from dirmusic.pulses.batch import PulseBatch
-
-FloatArray = NDArray[np.float64]
 
 POSITION_PRIOR_M = 60.0
 """Prior standard deviation of a source about the mean of the positions from which it was detected (assumed). It keeps
@@ -71,7 +70,7 @@ class JointEstimate:
 def locate_jointly(
     pulses: PulseBatch,
     pose: FloatArray,
-    source: NDArray[np.intp],
+    source: IntArray,
     start_m: FloatArray,
     array: ArrayModel,
     pose_error: PoseError,
@@ -135,7 +134,7 @@ class JointProblem:
         self,
         pulses: PulseBatch,
         pose: FloatArray,
-        source: NDArray[np.intp],
+        source: IntArray,
         start_m: FloatArray,
         array: ArrayModel,
         pose_error: PoseError,
@@ -217,7 +216,7 @@ class JointProblem:
             self._known_x, self._known = x.copy(), evaluate(self._scale * x, *self._arguments)
         return self._known
 
-    def mirrored(self, state: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
+    def mirrored(self, state: FloatArray, chosen: BoolArray) -> FloatArray:
         """Mirror some sources of a state in the plane of the array; if all are mirrored, so is the pattern error."""
         mirrored, rows = state.copy(), 3 * np.flatnonzero(chosen) + 2
         mirrored[rows] = 2.0 * self._array_height_m - mirrored[rows]
@@ -244,7 +243,7 @@ class JointProblem:
                 share = 1.0 / (1.0 + np.exp(min(self.cost(mirrored) - cost, 50.0)))  # larger differences are negligible
                 variance_m2 = share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
                 covariance[3 * k + 2, 3 * k + 2] += variance_m2
-        block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
+        block: IntArray = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
         return covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]]
 
 
@@ -278,7 +277,7 @@ def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int, n_
 def _fit_data(
     pulses: PulseBatch,
     pose: FloatArray,
-    source: NDArray[np.intp],
+    source: IntArray,
     start_m: FloatArray,
     array: ArrayModel,
     pose_error: PoseError,
@@ -296,7 +295,7 @@ def _fit_data(
     return FitData(np.ascontiguousarray(pose), source, weight, weight * strengths, repeats)
 
 
-def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
+def _correlated_pulses(time_s: FloatArray, source: IntArray, correlation_s: float) -> FloatArray:
     """Compute, for each pulse, the effective number of pulses of its source that share its pose error.
 
     Returns:
@@ -306,7 +305,7 @@ def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation
     return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
 
 
-def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel) -> FloatArray:
+def _pattern_variance(pose: FloatArray, source: IntArray, start_m: FloatArray, array: ArrayModel) -> FloatArray:
     """Return the variance of the strengths due to pattern errors that are not in the state, shape (n,).
 
     The variance is in units of the largest squared strength. The error is a fraction of the largest gain in the plane;

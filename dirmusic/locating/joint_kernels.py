@@ -12,16 +12,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import OFF_PLANE
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import Boresight, PatternTable, gain_and_slopes_towards
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 from dirmusic.pulses.strengths import dot
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 N_PLACE = 3
 """Number of states per source: x, y, and height above the ground."""

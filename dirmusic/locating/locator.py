@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementErrors, EstimatedErrors
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import Assigner, Assignment, Unassociated
 from dirmusic.locating.bearing_fit import locate_by_bearings, triangulate
 from dirmusic.locating.confirmation import updated_state
@@ -21,8 +21,6 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose, Rows, choose_evenly
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.pulses.batch import PulseBatch
-
-FloatArray = NDArray[np.float64]
 
 LEARNING_STATES = ("candidate", "confirmed")
 """States of findings from which the array errors are estimated. A source outside the fence may move and have any
@@ -318,7 +316,7 @@ class Locator:
 
 def rows_of_candidate(
     record: PulseRecord,
-    unassigned: NDArray[np.bool_],
+    unassigned: BoolArray,
     error_rad: FloatArray,
     rules: LocatingRules,
     time_s: float,
@@ -378,7 +376,7 @@ def new_candidate(record: PulseRecord, rows: Rows, error_rad: FloatArray, number
     )
 
 
-def _count_neighbours(bearing_rad: FloatArray, arc_rad: float) -> NDArray[np.intp]:
+def _count_neighbours(bearing_rad: FloatArray, arc_rad: float) -> IntArray:
     """Count, for each bearing, the bearings within an arc to either side of it; both have the shape (n,)."""
     turned_rad = np.mod(bearing_rad, 2 * np.pi)
     sorted_rad = np.sort(turned_rad)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from dirmusic.angles import difference
@@ -19,11 +18,10 @@ from dirmusic.array.manifold import (
     nearest_search_azimuth,
 )
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import BoolArray, FloatArray
 from dirmusic.bearing.estimators import BearingEstimator, method_std
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.pulses.batch import PulseBatch
-
-FloatArray = NDArray[np.float64]
 
 ELEVATIONS_RAD = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
 """Elevations at which pulses are compared with the model, evenly spaced from zero. Assumed: half a step changes gains
@@ -97,7 +95,7 @@ def _energy_and_turning(manifold: GainManifold) -> tuple[FloatArray, FloatArray]
 
 def is_credible(
     pulses: PulseBatch, array: ArrayModel, method_std_rad: FloatArray, rules: CredibilityRules
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     r"""Test whether each pulse is consistent with a single plane wave and has a precise enough direction.
 
     The limit applies to the variance that noise adds to that of the estimator's method,

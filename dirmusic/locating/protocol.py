@@ -6,15 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.pulses.batch import PulseBatch
-
-FloatArray = NDArray[np.float64]
 
 LineOfSight = Callable[[FloatArray, FloatArray, float], FloatArray]
 """Function of positions, shape (n, 3), a target, shape (3,), and a depth in metres. It returns the transmission factor
@@ -65,7 +61,7 @@ class LocatorProtocol(Protocol):
         """Update the findings with all pulses so far and return them."""
         ...
 
-    def association(self) -> NDArray[np.intp]:
+    def association(self) -> IntArray:
         """Associate each pulse with one of the current findings.
 
         Returns:

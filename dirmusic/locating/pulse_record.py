@@ -7,12 +7,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.bearing_fit import rough_crossing, triangulate
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.joint_fit import with_height, with_height_covariance
@@ -27,8 +27,7 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.pulses.batch import PulseBatch
 
-FloatArray = NDArray[np.float64]
-Rows = NDArray[np.intp]
+Rows = IntArray
 
 PLACE_M = 0.25
 """Side of the grid cells of the ground; poses in one cell count as one place. Assumed: about the pose error, and less
@@ -127,7 +126,7 @@ class PulseRecord:
         return self.pulses.time_s - (self._origin_s or 0.0)
 
     @property
-    def is_from_above(self) -> NDArray[np.bool_]:
+    def is_from_above(self) -> BoolArray:
         """True where a pulse fits best at an elevation above `FROM_ABOVE_RAD`, shape (n,)."""
         return self.elevation_rad > FROM_ABOVE_RAD
 
@@ -368,7 +367,7 @@ def _elevation_db(manifold: GainManifold) -> FloatArray:
     return np.asarray(10 * np.log10(power / power[0]), dtype=np.float64)
 
 
-def pool_pulses(pulses: PulseBatch, pose: FloatArray, group: NDArray[np.intp]) -> tuple[PulseBatch, FloatArray]:
+def pool_pulses(pulses: PulseBatch, pose: FloatArray, group: IntArray) -> tuple[PulseBatch, FloatArray]:
     """Average the pulses of each group, weighted by their noise.
 
     The amplitudes of pulses differ, so strengths are divided by their norm first. Each channel is averaged over the

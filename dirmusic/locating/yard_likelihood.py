@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.bounds import manifold_error_std, perpendicular_slope
 from dirmusic.array.manifold import TABLE_SIZE
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.protocol import PoseError
 from dirmusic.locating.pulse_record import pool_pulses
 from dirmusic.pulses.batch import PulseBatch
-
-FloatArray = NDArray[np.float64]
 
 CELL_M = 0.75
 """Side length of a grid cell (assumed). It is larger in a yard that would have more than 10 000 cells."""

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 
 NO_DIRECTION = (0.0, np.pi, 1.0)
 """Azimuth, standard deviation and misfit of a pulse whose strengths are all 0; a `PulseBatch` never holds NaN there."""
@@ -118,7 +116,7 @@ class PulseBatch(NamedTuple):
         """True where a usable channel reached full scale of the ADC, shape (n_pulses,)."""
         return np.asarray((self.is_clipped & self.is_usable).any(axis=-1))
 
-    def take(self, rows: slice | NDArray[np.intp] | BoolArray) -> Self:
+    def take(self, rows: slice | IntArray | BoolArray) -> Self:
         """Select pulses by slice, index or mask."""
         columns: list[Any] = [column[rows] for column in self]
         return type(self)(*columns)
@@ -133,7 +131,7 @@ class PulseBatch(NamedTuple):
         none = np.empty((self.n_pulses, 0, self.strengths_v.shape[1]))
         return self._replace(band_strengths_v=none, band_variance_v2=none)
 
-    def take_channels(self, channels: NDArray[np.intp] | BoolArray) -> Self:
+    def take_channels(self, channels: IntArray | BoolArray) -> Self:
         """Select channels by index or mask."""
         return self._replace(
             strengths_v=self.strengths_v[:, channels],
@@ -174,6 +172,6 @@ class Bearings(NamedTuple):
         """Return the pulses with these directions, one for each."""
         return pulses._replace(azimuth_rad=self.azimuth_rad, std_rad=self.std_rad, misfit=self.misfit)
 
-    def take(self, rows: slice | NDArray[np.bool_]) -> Bearings:
+    def take(self, rows: slice | BoolArray) -> Bearings:
         """Select directions by slice or mask."""
         return Bearings(self.azimuth_rad[rows], self.std_rad[rows], self.misfit[rows])

@@ -11,11 +11,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dirmusic.angles import difference
-
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 KindName = Literal["corona", "void", "surface", "floating"]
 

@@ -7,9 +7,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, elementwise
 
-FloatArray = NDArray[np.float64]
 _Sample = TypeVar("_Sample", np.float32, np.float64)
 
 TINY = float(np.finfo(np.float64).tiny)
@@ -37,7 +37,7 @@ def variance_of_strength(strength_v: float, noise_v2: float, energy_spread: floa
     return noise_on_pulse * noise_v2 + 0.5 * energy_spread * noise_v2 * noise_v2 / energy
 
 
-def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:
+def pulse_start(records: ArrayLike, n_samples: int) -> IntArray:
     """Find the start of the gate of `n_samples` with the most energy summed over all channels.
 
     All channels share one gate: a separate gate for each channel would collect more noise where the pulse is weak.
@@ -57,7 +57,7 @@ def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:
     return energy.argmax(axis=-1)
 
 
-def cut_windows(records: NDArray[_Sample], start: NDArray[np.intp], n_samples: int) -> NDArray[_Sample]:
+def cut_windows(records: NDArray[_Sample], start: IntArray, n_samples: int) -> NDArray[_Sample]:
     """Cut windows of `n_samples`, starting at `start` (...), out of records (..., n_elements, n_record)."""
     index = start[..., np.newaxis, np.newaxis] + np.arange(n_samples)
     return np.take_along_axis(records, np.broadcast_to(index, (*records.shape[:-1], n_samples)), axis=-1)

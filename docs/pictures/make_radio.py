@@ -11,16 +11,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
-
-FloatArray = NDArray[np.float64]
 
 SCENARIO, SOURCE_M, AXIS = "one_source", (14.52, 17.3, 1.4), (0.0, 0.0, 1.0)
 ARRAY_M = 0.6

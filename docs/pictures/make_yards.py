@@ -14,15 +14,14 @@ import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.sensing import HelicalArray
-
-FloatArray = NDArray[np.float64]
 
 YARDS = {
     "switchyard": "three lines and a coupler under a double busbar",

@@ -8,10 +8,10 @@ from math import exp, radians
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from dirmusic import PoseError
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import Config, resolve_path
 from pdpatrol.robot_models.description.robot_description import RobotDescription, is_path
 from pdpatrol.robot_models.description.robot_file import load_robot
@@ -61,7 +61,7 @@ class PoseSensorConfig(Config, frozen=True):
     correlation_s: Annotated[float, Field(ge=0.01, le=86_400.0)] = 5.0
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> FloatArray:
         """Standard deviations of the error in x m, y m and yaw rad, shape (3,)."""
         return np.array([self.position_std_m, self.position_std_m, radians(self.heading_std_deg)])
 

@@ -10,7 +10,8 @@ import numpy as np
 import PyNEC
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
+
 ComplexArray = NDArray[np.complex128]
 
 ETA_OHM = 376.730313

@@ -9,19 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import is_day
 from pdpatrol.missions.record.log_contents import described_manifold, known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.robot_models.yard.yard import Yard
-
-FloatArray = NDArray[np.float64]
 
 REPEAT_STD_M = 0.1
 """Standard deviation of each coordinate from one inspection to the next, in addition to the covariances of the

@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from statsmodels.duration.survfunc import SurvfuncRight
 
+from dirmusic.arrays import BoolArray, FloatArray
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding
 from pdpatrol.sensing.radio.transmission import Sight
-
-FloatArray = NDArray[np.float64]
 
 # The sensitivities below were measured for weak sources in synthetic surveys, where half of the pulses sent from 9 m
 # away are not detected.
@@ -187,7 +185,7 @@ def product_limit(level_db: FloatArray, least_db: FloatArray, weight: FloatArray
     """
     entry = np.nextafter(least_db, -np.inf)  # a level equal to its bound is observed
 
-    def fit(rows: NDArray[np.bool_]) -> SurvfuncRight:
+    def fit(rows: BoolArray) -> SurvfuncRight:
         return SurvfuncRight(level_db[rows], np.ones(rows.sum()), entry=entry[rows], freq_weights=weight[rows])
 
     survival = fit(np.ones(level_db.size, dtype=np.bool_))

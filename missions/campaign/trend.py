@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
 from dirmusic.angles import aperture
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import weeks_between
@@ -19,8 +19,6 @@ from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding,
 from pdpatrol.missions.campaign.records import LinearTrend, Observation, TrackedDischarge, Trend, TrendInterval
 from pdpatrol.missions.campaign.source_level import SourceLevel, floor_db, source_level, steps_near
 from pdpatrol.missions.record.which_site import in_words, site_probabilities
-
-FloatArray = NDArray[np.float64]
 
 UPPER_QUANTILE = 0.995
 """Quantile at the upper end of 99 % intervals; 95 % would give too many false alarms over many sites and campaigns."""

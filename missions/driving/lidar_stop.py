@@ -7,11 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
-
-FloatArray = NDArray[np.float64]
 
 SIDE_M = 0.04
 """Clearance to the side. Assumed; two standard deviations of the lidar noise, small enough for all passages of the

@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import difference
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-
-FloatArray = NDArray[np.float64]
 
 SLACK_S = 30.0
 """Time after which a goal is given up, in addition to that of driving the path at half the top speed. Assumed."""

@@ -14,13 +14,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.rules import AssignmentRules
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.transmission import Sight
-
-FloatArray = NDArray[np.float64]
 
 CELL_M = 0.25
 """Grid spacing. Assumed; about the radius of a robot."""
@@ -73,7 +72,7 @@ class ShortestPaths:
             before = before[before]
         return total
 
-    def cell_after(self, length_m: float) -> NDArray[np.intp]:
+    def cell_after(self, length_m: float) -> IntArray:
         """Return, for the path to each cell, the first cell at or beyond a length; for shorter paths, the last cell."""
         is_short = self.length_m[self._before] < length_m
         cell = np.where(is_short, np.arange(is_short.size), self._before)
@@ -82,11 +81,11 @@ class ShortestPaths:
         return cell
 
     @cached_property
-    def _before(self) -> NDArray[np.intp]:
+    def _before(self) -> IntArray:
         """Cell before each cell on its path; the cell itself at the start and for unreachable cells."""
         return np.where(self.previous >= 0, self.previous, np.arange(self.previous.size))
 
-    def cells(self, cell: int) -> NDArray[np.intp]:
+    def cells(self, cell: int) -> IntArray:
         """Return the numbers of the cells from the start to `cell`, both included, shape (n,)."""
         cells = [cell]
         while self.previous[cells[-1]] >= 0:
@@ -168,7 +167,7 @@ class SiteMap:
         between = np.linspace(start_m, end_m, 2 + int(np.linalg.norm(end_m - start_m) / CELL_M))
         return bool(self.clearance(between).min() >= self.robot.room_m)
 
-    def in_sight(self, points_m: FloatArray, target_m: FloatArray, within_m: float) -> NDArray[np.bool_]:
+    def in_sight(self, points_m: FloatArray, target_m: FloatArray, within_m: float) -> BoolArray:
         """Return whether the array above each point of the ground (n, 2) has a line of sight to a target (3,).
 
         Equipment within `within_m` of the target does not count; see `Sight`.
@@ -199,7 +198,7 @@ class SiteMap:
         """Return the free cell nearest to a point (2,)."""
         return int(self.nearest_free(np.asarray(point_m)[:2]))
 
-    def nearest_free(self, points_m: FloatArray) -> NDArray[np.intp]:
+    def nearest_free(self, points_m: FloatArray) -> IntArray:
         """Return the free cell nearest to each point (..., 2), shape (...)."""
         return self._free_cells[self._free_tree.query(points_m)[1]]
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pyproj import Geod
 
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.finding import outline95
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
@@ -20,8 +20,6 @@ from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import FindingRecord, Report
-
-FloatArray = NDArray[np.float64]
 
 
 def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:

@@ -14,10 +14,10 @@ import numpy as np
 from mcap_ros2.writer import Writer
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.finding import outline95
 from pdpatrol.missions.record.mission_log import MissionLog
 
-FloatArray = NDArray[np.float64]
 Content = dict[str, Any]
 """Fields of a message; omitted fields are zero or empty."""
 

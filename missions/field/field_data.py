@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import InputFileError
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.missions.field.input_table import InputTable, read_table
 from pdpatrol.missions.field.waveform_files import (
     MAX_CHANNELS,
@@ -17,8 +17,6 @@ from pdpatrol.missions.field.waveform_files import (
     TablePulses,
     read_waveforms,
 )
-
-FloatArray = NDArray[np.float64]
 
 MIN_STRENGTH_V = 1e-12
 """Strength below which a value counts as zero, and smallest standard deviation. Assumed; no receiver resolves it."""
@@ -50,11 +48,11 @@ class FieldData:
     path: Path
     time_s: FloatArray
     pose: FloatArray
-    step: NDArray[np.intp]
+    step: IntArray
     strengths_v: FloatArray
     variance_v2: FloatArray
     mains_phase_rad: FloatArray
-    channels: NDArray[np.intp]
+    channels: IntArray
     n_recorded: int
     notes: tuple[str, ...] = ()
 
@@ -123,7 +121,7 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     )
 
 
-def _steps(poses: FloatArray) -> tuple[FloatArray, NDArray[np.intp], list[str]]:
+def _steps(poses: FloatArray) -> tuple[FloatArray, IntArray, list[str]]:
     """Group consecutive rows with the same time and pose into steps; if these are too many, pool the rows by cell.
 
     Args:

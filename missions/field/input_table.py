@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from dirmusic import InputFileError, InputFileWarning
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.input_file import read_whole
-
-FloatArray = NDArray[np.float64]
 
 MAX_ERRORS = 20
 """Largest number of errors listed for one file; a file with more errors is probably of another kind."""
@@ -34,7 +33,7 @@ class InputTable:
 
     path: Path
     columns: dict[str, NDArray[Any]]
-    lines: NDArray[np.intp]
+    lines: IntArray
     errors: list[str] = field(default_factory=list[str])
 
     def numbers(self, name: str, low: float, high: float, unit: str = "") -> FloatArray:

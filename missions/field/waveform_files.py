@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import InputFileError, cut_windows, pulse_start, strength_variance
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.input_file import opened
 from dirmusic.pulses.strengths import strengths_of_energies
 from pdpatrol.missions.field.input_table import InputTable, read_table
-
-FloatArray = NDArray[np.float64]
 
 MIN_CHANNELS, MAX_CHANNELS = 3, 32
 """Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
@@ -39,7 +38,7 @@ class TablePulses(NamedTuple):
         variance_v2: Noise variance of the strengths, same shape.
     """
 
-    row: NDArray[np.intp]
+    row: IntArray
     strengths_v: FloatArray
     variance_v2: FloatArray
 

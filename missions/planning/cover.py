@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from dirmusic.angles import aperture, difference, wrap
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.planning.detectability import Detectability
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 GAP = 0.25
 """Relative optimality gap at which the search for the fewest stops ends. Assumed; stops that the path makes unnecessary

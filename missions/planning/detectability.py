@@ -5,20 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
 from dirmusic.angles import aperture
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import CELL_M, MIN_TRANSMISSION, SiteMap
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
 from pdpatrol.sensing.radio.transmission import Sight
 from pdpatrol.sensing.receiver.receiver import Receiver
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 AMPLITUDE_V = 0.05
 """Peak, 1 m away, of the weakest discharge to detect. Assumed; the weakest of the suite's level `weak`."""

@@ -7,18 +7,14 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, path_length
 from pdpatrol.missions.planning.cover import TINY_RAD, coverage
 from pdpatrol.missions.planning.detectability import Detectability
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 MIN_GAIN_M = 0.5
 """Smallest reduction of the tour length that justifies moving a stop. Assumed; less than a second of driving."""

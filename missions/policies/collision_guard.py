@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_command
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-
-FloatArray = NDArray[np.float64]
 
 BACK_OFF_S = 1.5
 BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.driving.site_map import SiteMap
@@ -99,7 +100,7 @@ def status_of(policy: object) -> tuple[Phase, tuple[int, ...]]:
         return phase if isinstance(phase, Phase) else Phase(phase), tuple(map(operator.index, unreachable))
 
 
-def believed_pose(observation: Observation) -> NDArray[np.float64]:
+def believed_pose(observation: Observation) -> FloatArray:
     """Return x and y in metres and yaw in radians, world frame, shape (3,)."""
     x, y, cos, sin = observation["pose"].astype(np.float64)
     return np.array([x, y, np.arctan2(sin, cos)])

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from dirmusic import Finding
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.finding import CHI2_95
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
@@ -24,8 +24,6 @@ from pdpatrol.missions.policies.viewpoints import (
     likely_place,
 )
 from pdpatrol.missions.record.events import Phase
-
-FloatArray = NDArray[np.float64]
 
 PATIENCE_S = 50.0
 """Time without improvement after which a candidate is set aside. Assumed; enough to drive to another side of it."""

@@ -8,13 +8,11 @@ on the candidate's position per metre of path.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import Finding
 from dirmusic.angles import difference
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
-
-FloatArray = NDArray[np.float64]
 
 MAX_ELEVATION_RAD = np.radians(35.0)
 """Elevation of a candidate above which it is not viewed if the pattern is known in the horizontal plane only. Assumed;

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from dirmusic.angles import wrap
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
 from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
-
-FloatArray = NDArray[np.float64]
 
 LEVEL_WINDOW_PULSES = 41
 """Pulses in the moving median that removes the effect of the robot's position from levels. Assumed; two seconds of a
@@ -32,13 +30,13 @@ class FindingPulses(NamedTuple):
         phase_rad: Phase of the receiver's mains, shape (n,), in (-pi, pi]; NaN if unknown.
     """
 
-    pulse: NDArray[np.intp]
+    pulse: IntArray
     time_s: FloatArray
     range_m: FloatArray
     level_db: FloatArray
     phase_rad: FloatArray
 
-    def take(self, rows: NDArray[np.bool_]) -> FindingPulses:
+    def take(self, rows: BoolArray) -> FindingPulses:
         """Return some rows, by mask (n,)."""
         return FindingPulses._make(column[rows] for column in self)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.finding import State
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
@@ -19,8 +19,6 @@ from pdpatrol.envs.scenario.array import ArrayCalibration
 from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import MissionLog
-
-FloatArray = NDArray[np.float64]
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
@@ -135,7 +133,7 @@ class Tracker:
         """Name the line of a user's Locator that raises an exception, and what was expected."""
         return calling(self._locator, expected) if self._is_own else nullcontext()
 
-    def _association(self, n_pulses: int) -> NDArray[np.intp]:
+    def _association(self, n_pulses: int) -> IntArray:
         """Return the finding of each of the first pulses that the Locator was given, shape (n_pulses,)."""
         known = [*(finding.id for finding in self.findings), *Unassociated]
         expected = f"an integer for each of {n_pulses} pulses, of {', '.join(map(str, known))}"
@@ -149,7 +147,7 @@ class Tracker:
             )
         return association[:n_pulses]
 
-    def _log_pulses(self, pose: FloatArray, pulses: PulseBatch, credible: NDArray[np.bool_]) -> None:
+    def _log_pulses(self, pose: FloatArray, pulses: PulseBatch, credible: BoolArray) -> None:
         """Log pulses, and the bearings of the credible ones."""
         if pulses.is_overdriven.any() and not self._has_clipped:
             self._has_clipped = True

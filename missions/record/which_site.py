@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import multivariate_normal, qmc
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
-
-FloatArray = NDArray[np.float64]
 
 ON_SITES, ON_EQUIPMENT = 0.8, 0.15
 """Prior probabilities of all known sites together, each equally likely, and of the surface of all equipment, uniformly

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.missions.record.mission_log import MissionLog
 
 
@@ -32,7 +32,7 @@ class LogBin:
         """Row after the last step."""
         return self.first["step"] + self.tables["step"]["time_s"].size
 
-    def pose(self, steps: Any) -> NDArray[np.float64]:  # noqa: ANN401 - a step, or an array of steps
+    def pose(self, steps: Any) -> FloatArray:  # noqa: ANN401 - a step, or an array of steps
         """Return the estimated poses at steps of the bin, shape (..., 3)."""
         return self.tables["step"]["pose"][steps - self.first["step"]]
 
@@ -44,7 +44,7 @@ def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
     stream.set_time("step", sequence=step)
 
 
-def at_steps(log: MissionLog, steps: NDArray[np.intp]) -> list[rr.TimeColumn]:
+def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
     """Return the times of steps (n,) for `stream.send_columns`."""
     time_s = log.column("step", "time_s")[steps]
     return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("step", sequence=steps)]

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.recording.bins import LogBin, at_steps, lines_3d, set_step
-
-FloatArray = NDArray[np.float64]
 
 AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
 """Azimuths at which pseudo-spectra are computed."""

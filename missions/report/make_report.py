@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
@@ -27,8 +28,6 @@ from pdpatrol.missions.report.records import (
     Waypoints,
 )
 from pdpatrol.missions.report.scoring import evaluate
-
-FloatArray = NDArray[np.float64]
 
 PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
 """Bins of the phase-resolved pattern."""

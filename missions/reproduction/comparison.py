@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import betabinom, binomtest, chi2, kurtosis, norm, t
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 SUCCESS_DEG = 2
 """Largest error that counts as a success. The paper writes "less than"; its numbers mean "at most"."""

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import GainManifold, UniformOffsets, bearings_from_covariance
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.reproduction.comparison import (
     Exhibit,
     Row,
@@ -31,8 +31,6 @@ from pdpatrol.missions.reproduction.simulation import (
     energy_to_noise,
     error_deg,
 )
-
-FloatArray = NDArray[np.float64]
 
 PHASE_APERTURE = 0.345
 """Wavenumber times ring radius of the phase method, radians. Not printed; fitted to the paper's cell at -10 dB."""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import UniformOffsets, estimate_bearings, strength_variance
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario import Scenario, load_scenario
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.missions.reproduction.comparison import Exhibit, compare, one_draw, published
@@ -16,8 +16,6 @@ from pdpatrol.missions.reproduction.simulation import GRID_DEG, Trials, by_paper
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import unit_pulse_energy
 from pdpatrol.sensing.radio.surroundings import level_transform
-
-FloatArray = NDArray[np.float64]
 
 
 def field_test(trials: Trials) -> tuple[Exhibit, ...]:

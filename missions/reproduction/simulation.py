@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic import GainManifold, bearings_from_covariance, cut_windows, pulse_start, sample_covariance
 from dirmusic.angles import difference
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.nature.pulses import damped_pulse
-
-FloatArray = NDArray[np.float64]
 
 SAMPLE_RATE_HZ = 20e9
 N_RECORD = 10_000

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from dirmusic import InputFileError
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset
 from pdpatrol.missions.sweep.plan import parse_toml
 
-FloatArray = NDArray[np.float64]
 Frame = Any
 """A `pandas.DataFrame`, which has no type annotations."""
 
@@ -102,7 +102,7 @@ def cluster_bootstrap(
         return Estimate(value)
     tail = stats.norm.cdf(-np.sqrt(k / (k - 1)) * stats.t(k - 1).ppf(0.5 + 0.5 * CONFIDENCE))
 
-    def resampled(chosen: NDArray[np.intp], axis: int) -> FloatArray:
+    def resampled(chosen: IntArray, axis: int) -> FloatArray:
         return statistic(padded[chosen].reshape(*chosen.shape[:-1], -1), axis=axis)
 
     result = stats.bootstrap(

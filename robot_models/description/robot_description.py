@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 SHIPPED = ("crawler", "inspector")
 """Names of the robots that come with the package."""

@@ -28,8 +28,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
 from pdpatrol.robot_models.description.robot_description import (
     SHIPPED,
@@ -42,8 +42,6 @@ from pdpatrol.robot_models.description.robot_measures import driven_wheels, exte
 from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, LIDAR_PERIOD_S, OBSTACLE_CONTYPE
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
-
-IntArray = NDArray[np.intp]
 
 TOLERANCE_M = 0.005
 """Tolerance of positions (assumed)."""
@@ -259,7 +257,7 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
     return _at_rest(robot, has_home=spec.key("home") is not None)
 
 
-def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> NDArray[np.float64]:
+def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> FloatArray:
     """Return the speeds of the wheels in the air, 1 s after 1 rad/s was commanded, shape (n_wheels,)."""
     data, gravity = mujoco.MjData(model), model.opt.gravity.copy()
     model.opt.gravity[:] = 0.0

@@ -8,10 +8,8 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+from dirmusic.arrays import FloatArray, IntArray
 
 
 def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:

@@ -7,15 +7,13 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 from pdpatrol.robot_models.equipment.kinds import Assembly
 from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
 from pdpatrol.robot_models.yard.solids import PlacedPiece, Solid, YardSolids
-
-FloatArray = NDArray[np.float64]
 
 Sites = Annotated[Mapping[Name, tuple[Coordinate, Coordinate, Coordinate]], Field(max_length=MOST_SITES)]
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 
 
 class Solid(NamedTuple):
@@ -54,7 +53,7 @@ class YardSolids:
     radius_m: FloatArray
     bottom_m: FloatArray
     top_m: FloatArray
-    owner: NDArray[np.intp]
+    owner: IntArray
 
     @classmethod
     def of(cls, pieces: Sequence[PlacedPiece]) -> YardSolids:
@@ -69,7 +68,7 @@ class YardSolids:
         centre_m = position_m + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
         return cls(centre_m, yaw_rad, 0.5 * sides_m.reshape(-1, 2), radius_m, bottom_m, top_m, owner)
 
-    def take(self, chosen: NDArray[np.bool_]) -> YardSolids:
+    def take(self, chosen: BoolArray) -> YardSolids:
         """Return the solids that a mask (n_solids,) selects, in the same order."""
         return YardSolids(*(column[chosen] for column in vars(self).values()))
 

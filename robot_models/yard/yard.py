@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, YardLength
 from pdpatrol.robot_models.yard.solids import YardSolids
-
-FloatArray = NDArray[np.float64]
 
 FENCE_TOLERANCE_M = 0.01
 """Largest length by which equipment may extend beyond the fence. Assumed: the width of a pencil line on a yard plan."""
@@ -57,7 +56,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return YardSolids.of([item.placed for item in self.equipment])
 
     @property
-    def owner(self) -> NDArray[np.intp]:
+    def owner(self) -> IntArray:
         """Index of the piece of equipment that each solid belongs to, shape (n_solids,)."""
         return self.solids.owner
 
@@ -75,7 +74,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         low_m, high_m = item.solids.extent_m
         return float(np.maximum(-low_m, high_m - np.asarray(self.size_m)).max())
 
-    def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points_m: ArrayLike) -> BoolArray:
         """Return whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)

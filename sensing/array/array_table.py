@@ -6,14 +6,12 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.pattern import Boresight, PatternTable, as_boresights, tabulate
 from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled_inner
 from pdpatrol.sensing.array.helical_array import HelicalArray
-
-FloatArray = NDArray[np.float64]
 
 GRID_STEP_RAD = math.radians(2.0)
 """Step of the grid of gains. Linear interpolation of a lobe 55 degrees wide is accurate to 0.001."""

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
 from dirmusic.array.manifold import ambiguous_azimuths, ring_boresights_rad
 from dirmusic.array.pattern_file import read_any_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.quantities import (
     AngleError,
     ArrayCoordinate,
@@ -25,8 +25,6 @@ from pdpatrol.sensing.quantities import (
     PlacementError,
     Share,
 )
-
-FloatArray = NDArray[np.float64]
 
 FEWEST_ELEMENTS, MOST_ELEMENTS = 3, 16
 """Numbers of elements: two receive most directions in pairs alike, and a robot carries at most sixteen."""

@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import GainManifold, GainPattern
 from dirmusic.array.pattern import gain_in_space
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.array.config import ArrayConfig
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

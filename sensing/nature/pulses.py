@@ -6,11 +6,10 @@ from functools import cache
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.pulses.phase_resolved import KINDS, KindName
-
-FloatArray = NDArray[np.float64]
 
 DECAY_S, RISE_S, FREQUENCY_HZ = 1.0e-9, 0.2e-9, 1.75e9
 """Time constants and frequency of the waveform. Assumed after the measurements of the Dir-MUSIC paper: a pulse is about
@@ -77,7 +76,7 @@ class PulseTrain(NamedTuple):
     level_db: FloatArray
     spread_db: FloatArray
     polarity: FloatArray
-    is_even: NDArray[np.bool_]
+    is_even: BoolArray
 
     @classmethod
     def at_any_phase(cls) -> Self:
@@ -119,7 +118,7 @@ class PulseTrain(NamedTuple):
 
     def draw(
         self, start_s: float, duration_s: float, rng: np.random.Generator
-    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
         """Draw the pulses of an interval as Poisson processes whose rate follows the phase.
 
         Assumed: one discharge does not influence the next.

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.sensing.nature.pulses import PulseTrain
 from pdpatrol.sensing.radio.surroundings import Surroundings
-
-FloatArray = NDArray[np.float64]
 
 
 def round_to_nanoseconds(time_s: float) -> float:
@@ -105,7 +103,7 @@ class Emissions(NamedTuple):
         peak_v: Signed peak 1 m away, in a unit-gain channel before the band-pass filter, shape (n,).
     """
 
-    source: NDArray[np.intp]
+    source: IntArray
     time_s: FloatArray
     peak_v: FloatArray
 
@@ -116,7 +114,7 @@ class Emissions(NamedTuple):
         order = np.argsort(time_s, kind="stable")
         return cls(source[order], time_s[order], peak_v[order])
 
-    def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Emissions:
+    def take(self, chosen: IntArray | BoolArray | slice) -> Emissions:
         """Return some of the emissions."""
         return Emissions(self.source[chosen], self.time_s[chosen], self.peak_v[chosen])
 

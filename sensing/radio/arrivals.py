@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.pattern import Boresight, gain_towards
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled
 from pdpatrol.sensing.array.array_table import ArrayTable, look_up_gains
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
 from pdpatrol.sensing.radio.surroundings import Surroundings
-
-FloatArray = NDArray[np.float64]
 
 
 class Propagation(NamedTuple):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.diffraction import (
     box_edge,
@@ -61,8 +62,6 @@ from pdpatrol.sensing.radio.transmission import (
     smooth_step,
 )
 
-FloatArray = NDArray[np.float64]
-
 FADE_DB, GROUND_FADE_DB, FADE_OVER_DB = 20.0, 40.0, 6.0
 """Level below the strongest path at which a path begins to fade out; the same for the path reflected by the ground
 alone; and range of levels over which paths fade out. Assumed; they change strengths by less than a tenth, and levels by
@@ -99,8 +98,8 @@ class RayPaths(NamedTuple):
     """
 
     rows: Rows
-    first: NDArray[np.intp]
-    n_paths: NDArray[np.intp]
+    first: IntArray
+    n_paths: IntArray
 
     @property
     def from_m(self) -> FloatArray:

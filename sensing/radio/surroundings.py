@@ -8,12 +8,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, shift
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 GROUND, NO_SOLID = -1, -1
 """Owner of the face of the ground; index in place of a solid where there is none."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
     Segment,
@@ -27,8 +27,6 @@ from pdpatrol.sensing.radio.geometry import (
 )
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.surroundings import NO_SOLID, Row, Rows, Surroundings, solid_of
-
-FloatArray = NDArray[np.float64]
 
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""

@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.pattern import tabulate
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import Held
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.helical_array import HelicalArray
@@ -19,9 +19,6 @@ from pdpatrol.sensing.radio.arrivals import Propagation
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import FALSE_ALARM, DetectedPulses, ReceiverState, detect
 from pdpatrol.sensing.receiver.receiver import Receiver
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 AHEAD_S = 10.0
 """Time for which emissions are drawn at once; a draw costs the same for many."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
 from dirmusic.pulses.strengths import dot, strength_of, variance_of_strength
@@ -22,9 +22,6 @@ from pdpatrol.sensing.receiver.sampling import (
     sample_emission,
     sample_false_alarm,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 FALSE_ALARM = -1
 """Source number of a trigger by noise alone."""

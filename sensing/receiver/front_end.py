@@ -5,17 +5,15 @@ from __future__ import annotations
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import brentq
 from scipy.signal import butter, sosfilt, sosfreqz
 from scipy.special import ndtr, owens_t
 
 from dirmusic.array.spatial_pattern import frequency_weights
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.nature.pulses import DECAY_S, FREQUENCY_HZ, damped_pulse
 from pdpatrol.sensing.receiver.sampling import NoiseFilter, PulseTable, Trigger
-
-FloatArray = NDArray[np.float64]
 
 FILTER_ORDER = 6
 """Order of the Butterworth prototype: the default band takes 54 dB from the interferer of the Dir-MUSIC paper at 948

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.arrays import FloatArray
 from dirmusic.bearing.sub_bands import SubBands
 from pdpatrol.sensing.array.array_table import gain_grid
 from pdpatrol.sensing.array.helical_array import HelicalArray
@@ -22,8 +22,6 @@ from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Chan
 
 if TYPE_CHECKING:
     from pdpatrol.sensing.receiver.front_end import FrontEnd
-
-FloatArray = NDArray[np.float64]
 
 
 class Receiver:

@@ -29,12 +29,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 from pdpatrol.sensing.radio.arrivals import Arrivals
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 LIKELY = 0.3
 """Expected number of samples beyond the trigger level from which on a window is sampled directly. It affects speed, not

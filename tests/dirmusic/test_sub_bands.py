@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, strength_variance
@@ -10,10 +9,10 @@ from dirmusic.angles import difference
 from dirmusic.array.bounds import bearing_bound
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
 from dirmusic.array.spatial_pattern import halves
+from dirmusic.arrays import FloatArray
 from dirmusic.bearing.sub_bands import SubBands
 from tests.dirmusic.scenes import detected, rms, rms_error
 
-FloatArray = NDArray[np.float64]
 RATE_HZ, N = 20e9, 120
 EDGES_HZ = [1.4e9, 1.6e9, 1.9e9, 2.2e9]
 OFF = np.radians(np.arange(0.0, 360.0, 5.0))

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing import (
     ArrayConfig,
     Carrier,
@@ -41,7 +41,7 @@ def listen(
     surroundings: Surroundings | None = None,
     carriers: tuple[Carrier, ...] = (),
     array: HelicalArray = NOMINAL,
-    world_from_array: NDArray[np.float64] = AT_ORIGIN,
+    world_from_array: FloatArray = AT_ORIGIN,
     **config: Any,  # noqa: ANN401 - settings are of many types
 ) -> DetectedPulses:
     """Return the pulses that one receiver detects, by default at the origin."""
@@ -70,7 +70,7 @@ def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: np.ndarray)
     return propagate(np.zeros(1), world_from_array, around)[1]
 
 
-def noise_of(front_end: FrontEnd, n: int, n_samples: int, std_v: float = 1.0) -> NDArray[np.float64]:
+def noise_of(front_end: FrontEnd, n: int, n_samples: int, std_v: float = 1.0) -> FloatArray:
     """Draw noise behind the filter, shape (n, n_samples); rows are independent."""
     noise, rng, drawn = front_end.noise_filter(std_v), np.random.default_rng(0), np.zeros((n, n_samples))
     state = np.empty((len(noise.sections), 2, n))

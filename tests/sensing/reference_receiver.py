@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.signal import butter, sosfilt
 from scipy.stats import norm
 
-FloatArray = NDArray[np.float64]
+from dirmusic.arrays import FloatArray
 
 RATE_HZ, BAND_HZ, NOISE_V, FULL_SCALE_V, BITS = 20e9, (1.4e9, 2.2e9), 1e-3, 0.5, 12
 BEFORE, GATE, LONGEST_ECHO_S = 20, 90, 60e-9

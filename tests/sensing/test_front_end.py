@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfreqz
 from scipy.stats import ks_2samp
 
 from dirmusic import estimate_bearings, pulse_strengths
 from dirmusic.angles import difference
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
@@ -28,7 +28,6 @@ from tests.sensing import reference_receiver
 from tests.sensing.listening import arrivals_of, noise_of
 from tests.sensing.scenes import on_the_ground, wall_face
 
-FloatArray = NDArray[np.float64]
 N_SHOTS, N_PLAIN = 20_000, 600
 RATE_HZ, BAND_HZ = 20e9, (1.4e9, 2.2e9)
 FILTERED = FrontEnd(RATE_HZ, BAND_HZ, 90)

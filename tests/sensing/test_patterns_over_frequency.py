@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dirmusic import GainPattern, InputFileError
 from dirmusic.array.pattern_file import read_any_pattern, read_spatial_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern, frequency_weights
+from dirmusic.arrays import FloatArray
 from dirmusic.bearing.sub_bands import SubBands
 from pdpatrol.sensing import (
     ArrayConfig,
@@ -26,7 +26,6 @@ from pdpatrol.sensing.receiver.receiver import Receiver
 from pdpatrol.sensing.receiver.sampling import Signal, add_emission
 from tests.sensing.listening import listen
 
-FloatArray = NDArray[np.float64]
 HELIX = SHIPPED_PATTERNS["helix_in_ring"]
 RECEIVER = Receiver(ReceiverConfig(), 6)
 RATE_HZ = ReceiverConfig().sample_rate_hz

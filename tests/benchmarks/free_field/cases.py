@@ -10,10 +10,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import add_pose_error
@@ -23,8 +23,6 @@ from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, Surroundings, level_transform
 from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
-
-FloatArray = NDArray[np.float64]
 
 SPEED_MPS = 0.8
 HEIGHTS_M = 0.8, 3.2
@@ -56,7 +54,7 @@ class Case(NamedTuple):
     true_pose: FloatArray
     pose: FloatArray
     pulses: PulseBatch
-    step: NDArray[np.intp]
+    step: IntArray
 
 
 def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import Finding, Locator
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.finding import is_inside95
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from dirmusic.locating.plane_wave import is_credible
@@ -16,8 +16,6 @@ from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.missions.report.scoring import evaluate
 from tests.benchmarks.free_field.cases import FENCE_M, Case
 from tests.dirmusic.scenes import sights
-
-FloatArray = NDArray[np.float64]
 
 NUDGE_M = 1e-4
 """Step of the finite differences in the bound."""
@@ -33,11 +31,11 @@ class ScoredCases(NamedTuple):
     """
 
     miss_m: FloatArray
-    is_inside: NDArray[np.bool_]
-    n_false: NDArray[np.intp]
+    is_inside: BoolArray
+    n_false: IntArray
 
 
-def credible(case: Case, rules: LocatingRules) -> NDArray[np.bool_]:
+def credible(case: Case, rules: LocatingRules) -> BoolArray:
     """Return True for each credible pulse, shape (n_pulses,)."""
     pulses = case.pulses
     return is_credible(pulses, case.array, np.zeros(pulses.n_pulses), rules.credibility)

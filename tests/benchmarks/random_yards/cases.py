@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.random_yard import random_source, random_yard
 from pdpatrol.envs.scenario.sources import SourceConfig
@@ -15,8 +15,6 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.runner import Mission
 from pdpatrol.robot_models.yard.yard import Yard
-
-FloatArray = NDArray[np.float64]
 
 TIME_LIMIT_S = 420.0
 """Time for the tour and the candidates."""
@@ -99,9 +97,9 @@ def hidden(seed: int) -> Scenario | None:
     return None
 
 
-def _cells_of(stops_m: list[tuple[float, float]], site_map: SiteMap) -> NDArray[np.intp] | None:
+def _cells_of(stops_m: list[tuple[float, float]], site_map: SiteMap) -> IntArray | None:
     """Return the cells of the shortest paths from stop to stop; None if a path is missing."""
-    cells = list[NDArray[np.intp]]()
+    cells = list[IntArray]()
     for start_m, end_m in itertools.pairwise(stops_m):
         paths, end = site_map.reach(start_m), site_map.cell(end_m)
         if not np.isfinite(paths.length_m[end]):

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementErrors
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import Assigner, Unassociated, may_share_phase, too_many_for_multipath
 from dirmusic.locating.finding import Finding, State
 from dirmusic.locating.locator import rows_of_candidate
@@ -28,7 +28,6 @@ from tests.dirmusic.scenes import (
     with_bearings,
 )
 
-FloatArray = NDArray[np.float64]
 UNASSIGNED, AMBIGUOUS, BIASED, DIFFRACTED, ECHO = Unassociated
 
 

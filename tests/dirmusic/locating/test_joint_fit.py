@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.pattern import as_boresights
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.joint_fit import ROBUST_SCALE, JointProblem, locate_jointly
 from dirmusic.locating.joint_kernels import N_HARMONICS, N_TERMS, FitData, NominalArray, Priors, evaluate, linearise
 from tests.dirmusic.scenes import NO_POSE_ERROR, RING, RING_M, SPREAD, detected, sights
-
-FloatArray = NDArray[np.float64]
-
 
 RNG = np.random.default_rng(5)
 POSE = np.column_stack([RNG.uniform(0.0, 20.0, (40, 2)), RNG.uniform(-np.pi, np.pi, 40)])

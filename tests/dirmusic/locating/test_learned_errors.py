@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementErrors, Locator, PulseBatch
 from dirmusic.array.element_errors import DRIFT, UNEXPLAINED, EstimatedErrors
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.rules import LocatingRules
 from tests.dirmusic.scenes import NO_POSE_ERROR, RING, SPREAD, around, detected, drawn_errors, received, with_bearings
-
-FloatArray = NDArray[np.float64]
 
 RING_M = np.column_stack([np.zeros((6, 2)), np.full(6, 1.5)])  # as small as the far field of `pulses_of` has it
 ARRAY = ArrayModel(manifold=RING, positions_m=RING_M, spread=replace(SPREAD, unexplained=UNEXPLAINED))

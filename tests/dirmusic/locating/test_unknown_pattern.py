@@ -4,19 +4,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
 from dirmusic.angles import difference
 from dirmusic.array.pattern_file import read_spatial_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.finding import ellipse95, is_inside95
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.plane_wave import BearingErrors
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
 from tests.dirmusic.scenes import RING, RING_M, detected, sights, with_bearings
-
-FloatArray = NDArray[np.float64]
 
 BAND_HZ = np.linspace(1.4e9, 2.2e9, 9)
 N_SURVEYS, N_POSES, N_PULSES = 60, 16, 20
@@ -35,7 +33,7 @@ def gain_of_helices(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> Float
 
 def pulses_of_helices(
     rng: np.random.Generator, pose: FloatArray, truth_m: FloatArray
-) -> tuple[PulseBatch, FloatArray, NDArray[np.intp]]:
+) -> tuple[PulseBatch, FloatArray, IntArray]:
     """Make `N_PULSES` of a source at each pose in the ring of helices, with their poses and the source's number."""
     azimuth, elevation, _ = sights(pose, truth_m, RING_M * [0.0, 0.0, 1.0])
     gain = gain_of_helices(azimuth + np.radians(2.0) * rng.normal(size=6), elevation) * np.exp(

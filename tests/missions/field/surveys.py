@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import ElementSpread, PoseError
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -15,8 +15,6 @@ from pdpatrol.missions.report.records import Report
 from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
 from pdpatrol.sensing.nature.pulses import unit_pulse_energy
 from pdpatrol.sensing.radio.surroundings import level_transform
-
-FloatArray = NDArray[np.float64]
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
 NOISE_V = 1e-3

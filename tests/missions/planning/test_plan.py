@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.map import MapConfig
@@ -19,7 +19,7 @@ from pdpatrol.missions.planning.tour import ShortestTours
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, level_transform
 from pdpatrol.sensing.receiver.receiver import Receiver
-from tests.missions.planning.one_plan import YARDS, FloatArray, plan_of, scenario_of, walled_in
+from tests.missions.planning.one_plan import YARDS, plan_of, scenario_of, walled_in
 
 NEEDED_RAD, WITHIN_M = np.radians(60.0), 8.0
 
@@ -48,7 +48,7 @@ def check(plan: Plan) -> None:
     assert covers_enough(plan, np.unique(tours.shortest(stops).cells))
 
 
-def covers_enough(plan: Plan, cells: NDArray[np.intp]) -> bool:
+def covers_enough(plan: Plan, cells: IntArray) -> bool:
     """Return True if some cells cover each site as the plan requires."""
     where = plan.detectability
     return bool((coverage(where, where.columns(cells)) >= plan.required - 1e-6).all())

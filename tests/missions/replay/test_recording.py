@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from dirmusic.angles import wrap
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
@@ -50,7 +50,7 @@ def drawn(recording: Path) -> Entities:
     return read_recording(recording)
 
 
-def direction(rays: object) -> NDArray[np.float64]:
+def direction(rays: object) -> FloatArray:
     """Return the directions of rays (n, 2, 3), shape (n,), radians."""
     ahead = np.diff(np.array(rays), axis=1)[:, 0]
     return np.arctan2(ahead[:, 1], ahead[:, 0])

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.reproduction.comparison import (
     PAPER_TRIALS,
     Exhibit,
@@ -22,7 +22,6 @@ from pdpatrol.missions.reproduction.comparison import (
 )
 from tests.missions.reproduction.test_exhibits import exhibits
 
-FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
 

@@ -2,8 +2,8 @@
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from dirmusic.arrays import BoolArray, FloatArray
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import upright_solids
 from pdpatrol.sensing.radio.geometry import Vector, crosses, segment
@@ -11,9 +11,7 @@ from pdpatrol.sensing.radio.surroundings import Rows, solid_of
 
 
 @numba.njit
-def _cross(
-    starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], obstacles: Rows, n_pieces: int
-) -> NDArray[np.bool_]:
+def _cross(starts_m: FloatArray, ends_m: FloatArray, obstacles: Rows, n_pieces: int) -> BoolArray:
     crossed = np.zeros((len(starts_m), n_pieces), np.bool_)
     for i in range(len(starts_m)):
         start, end = starts_m[i], ends_m[i]
@@ -24,7 +22,7 @@ def _cross(
     return crossed
 
 
-def cross(starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], solids: Rows, n_pieces: int) -> NDArray[np.bool_]:
+def cross(starts_m: FloatArray, ends_m: FloatArray, solids: Rows, n_pieces: int) -> BoolArray:
     """Return which pieces lines from (n, 3) to (n, 3) cross, shape (n, n_pieces)."""
     return _cross(starts_m, ends_m, solids, n_pieces)
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import FloatArray
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from pdpatrol.sensing import (
     DischargeSource,
@@ -30,11 +31,11 @@ def next_to_tank(length_m: float, width_m: float, height_m: float, yaw_rad: floa
     return Surroundings.of_materials([METAL], faces_of(tank), tank)
 
 
-def turned(angle_rad: float) -> NDArray[np.float64]:
+def turned(angle_rad: float) -> FloatArray:
     return np.array([np.cos(angle_rad), np.sin(angle_rad)])
 
 
-def levels(paths: RayPaths, target: Vector) -> NDArray[np.float64]:
+def levels(paths: RayPaths, target: Vector) -> FloatArray:
     """Return the amplitude of each path at the array."""
     return np.abs(paths.coefficient) / (paths.extra_m + np.linalg.norm(paths.from_m - np.array(target), axis=1))
 
@@ -89,9 +90,7 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
     assert np.degrees(np.max(np.abs(by_geometry_rad))) > 20.0
 
 
-def field_along(
-    surroundings: Surroundings, source: NDArray[np.float64], at: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def field_along(surroundings: Surroundings, source: FloatArray, at: FloatArray) -> NDArray[np.complex128]:
     """Return the sum of all paths in six antennas at points (n, 2), over that 1 m from the source."""
     axis, found = np.array([[0.3, 0.4, 0.866]]), np.empty((len(at), 6), np.complex128)
     for i, (x, y) in enumerate(at):

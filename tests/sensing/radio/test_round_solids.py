@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jv, jvp
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing import Surroundings
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
@@ -31,7 +32,7 @@ def around(radius_m: float) -> Surroundings:
     return Surroundings.of_materials([PERFECT], solids=solids_at((0.0, 0.0), radius_m=radius_m, top_m=TOP_M))
 
 
-def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], FloatArray]:
     """Return the fields of all paths over that in free space, half way up, and their origins (n, 2)."""
     source_m, z = np.array([[*source, 0.5 * TOP_M]]), 0.5 * TOP_M
     upright, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)

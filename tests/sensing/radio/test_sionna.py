@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
 from tests.sensing.radio.sionna.links import Link, bend_at, decibels, delay_ns, links
@@ -13,7 +13,7 @@ from tests.sensing.radio.sionna.links import Link, bend_at, decibels, delay_ns, 
 AXES = pytest.mark.parametrize("axis", [Vector(0.0, 0.0, 1.0), Vector(0.6, 0.8, 0.0)], ids=["upright", "level"])
 
 
-def straight_paths(link: Link, axis: Vector, *, second_order: bool) -> tuple[RayPaths, NDArray[np.float64]]:
+def straight_paths(link: Link, axis: Vector, *, second_order: bool) -> tuple[RayPaths, FloatArray]:
     """Return our paths without diffraction and their lengths."""
     around = link.around._replace(second_order=second_order)
     found = find_ray_paths(np.array([link.source]), np.array([axis]), np.zeros(1), link.receiver, around)
@@ -21,7 +21,7 @@ def straight_paths(link: Link, axis: Vector, *, second_order: bool) -> tuple[Ray
     return found, np.linalg.norm(found.from_m - np.array(link.receiver), axis=1)
 
 
-def check_ratios(ratios: list[complex]) -> NDArray[np.float64]:
+def check_ratios(ratios: list[complex]) -> FloatArray:
     """Check phases and levels of our paths over Sionna's, and return the levels."""
     level, phase = decibels(np.array(ratios)), np.degrees(np.abs(np.angle(ratios)))
     assert np.median(np.abs(level)) < 0.01

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing import Surroundings, upright_solids
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.diffraction import (
@@ -110,11 +111,11 @@ def spherical(ray: Vector) -> tuple[Vector, Vector]:
     return theta, Vector(-ray.y / level, ray.x / level, 0.0)
 
 
-def decibels(ratio: NDArray[Any]) -> NDArray[np.float64]:
+def decibels(ratio: NDArray[Any]) -> FloatArray:
     return 20.0 * np.log10(np.abs(ratio))
 
 
-def delay_ns(length_m: ArrayLike) -> NDArray[np.float64]:
+def delay_ns(length_m: ArrayLike) -> FloatArray:
     return 1e9 * np.asarray(length_m) / SPEED_OF_LIGHT_MPS
 
 

@@ -39,6 +39,8 @@ import numpy as np
 import sionna.rt as rt  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
+
 FREQUENCY_HZ = 1.75e9
 AT_1M = 4 * np.pi * FREQUENCY_HZ / 299_792_458.0
 """Factor from the coefficient of a path to its amplitude over that at 1 m."""
@@ -118,7 +120,7 @@ def solve(scene: Scene, **options: int) -> list[list[Found]]:
     return answer
 
 
-def to_mm(point: NDArray[np.float64]) -> Position:
+def to_mm(point: FloatArray) -> Position:
     """Round to millimetres, without a minus before 0."""
     x, y, z = (round(float(value), 3) + 0.0 for value in point)
     return x, y, z
