@@ -1,4 +1,4 @@
-"""Run commands, and look at processes; processes that end meanwhile are left out."""
+"""Helpers that run commands and inspect processes; processes that end in the meantime are ignored."""
 
 import os
 import re
@@ -40,7 +40,7 @@ def start_python(code: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]
 def run_on_full_disk(words: list[str], n_bytes: int, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a command whose files fail beyond a size, as they do on a full disk.
 
-    It writes no bytecode: what is cut off would break later imports.
+    It writes no bytecode, because truncated bytecode would break later imports.
     """
     return subprocess.run(
         words, cwd=cwd, capture_output=True, text=True, timeout=120,
@@ -50,7 +50,7 @@ def run_on_full_disk(words: list[str], n_bytes: int, cwd: Path) -> subprocess.Co
 
 
 def refusal(done: subprocess.CompletedProcess[str]) -> list[str]:
-    """Return the lines by which a command refused its input, after checking its exit status."""
+    """Return the error lines of a command that refused its input, after checking its exit status."""
     assert done.returncode == 2, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
@@ -58,7 +58,7 @@ def refusal(done: subprocess.CompletedProcess[str]) -> list[str]:
 
 
 def below(pid: int) -> set[int]:
-    """Return the processes that one has started, directly or not."""
+    """Return the ids of all descendants of a process."""
     try:
         return {process.pid for process in psutil.Process(pid).children(recursive=True)}
     except psutil.NoSuchProcess:

@@ -1,8 +1,8 @@
 """Count the files that a pulse passes through, from its emission to a finding.
 
 `NUMBA_DISABLE_JIT=1 uv run python -m tests.pulse_path` runs a short mission with kernels as Python and prints the
-product files in which functions are executed during its control steps. What the policy, the physics
-and the motion sensors of the robot execute does not count, nor do imports.
+product files in which functions are executed during its control steps. Code that the policy, the physics and the motion
+sensors of the robot execute does not count, nor do imports.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class FileTracer:
         self._skipped: FrameType | None = None
 
     def __call__(self, frame: FrameType, event: str, _: object) -> None:
-        """Note the file of a called function, unless the policy or the physics has called it."""
+        """Record the file of a called function, unless the policy or the physics has called it."""
         if self._skipped is not None:
             if event == "return" and frame is self._skipped:
                 self._skipped = None

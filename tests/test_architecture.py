@@ -1,4 +1,4 @@
-"""Imports go down only and never in circles, and each heavy library has one home."""
+"""Packages import only lower ones and never in circles, and each heavy library is imported in one place."""
 
 import ast
 import os
@@ -40,19 +40,19 @@ def imports(file: Path) -> Iterator[str]:
 
 
 def modules(root: Path) -> dict[str, Path]:
-    """Every module of the packages by its dotted name."""
+    """Return every module of the packages by its dotted name."""
     files = [file for package in MAY_IMPORT for file in sorted((root / package).rglob("*.py"))]
     return {module_name(file.relative_to(root)): file for file in files}
 
 
 def module_name(file: Path) -> str:
-    """Return the import name of a file: every room but `dirmusic` is imported as part of `pdpatrol`."""
+    """Return the import name of a file: every folder except `dirmusic` is imported as part of `pdpatrol`."""
     name = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
     return name if file.parts[0] == "dirmusic" else f"pdpatrol.{name}"
 
 
 def imported_modules(file: Path, known: set[str]) -> set[str]:
-    """Modules of ours that a file imports, wherever in it: at the top, inside a function, or for types alone."""
+    """Return the modules of this project that a file imports: at the top, inside functions, or only for types."""
     named: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -83,7 +83,7 @@ def test_imports_go_down_only() -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """No module imports itself through others, imports inside functions counted."""
+    """No module imports itself through other modules; imports inside functions count."""
     files = modules(ROOT)
     graph = TopologicalSorter({name: imported_modules(file, set(files)) for name, file in files.items()})
     graph.prepare()  # raises a CycleError that names the modules

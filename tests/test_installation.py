@@ -1,4 +1,4 @@
-"""The package works next to any other: import names that clash, PYTHONPATH, and a wheel in an empty folder."""
+"""The package works next to other packages: clashing import names, PYTHONPATH, and a wheel in an empty folder."""
 
 import os
 import subprocess
@@ -42,7 +42,7 @@ def add_foreign_packages(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel by way of the sdist, as a release does."""
+    """Build the wheel from the sdist, as a release does."""
     folder = tmp_path_factory.mktemp("dist")
     run("uv", "build", "--quiet", "--out-dir", folder, cwd=ROOT)
     return next(folder.glob("*.whl"))
@@ -50,7 +50,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def installed(wheel: Path, tmp_path: Path) -> Path:
-    """Install the wheel into a folder of its own; its dependencies come from this environment."""
+    """Install the wheel into a separate folder; its dependencies come from this environment."""
     return install(wheel, tmp_path / "site")
 
 
@@ -101,7 +101,7 @@ def test_wheel_holds_two_packages_and_runs_a_mission(installed: Path, tmp_path: 
 
 
 def core_distributions() -> set[str]:
-    """Collect the names of the distributions that an installation without extras brings."""
+    """Collect the names of the distributions that are installed without extras."""
     found: set[str] = set()
     waiting = [Requirement("pdpatrol")]
     while waiting:
@@ -116,7 +116,7 @@ def core_distributions() -> set[str]:
 
 
 def test_core_installation_is_small() -> None:
-    """Files as packed in the wheels of the dependencies; bytecode, which pip adds, is not counted."""
+    """Count the files packed in the wheels of the dependencies, without the bytecode that pip adds."""
     names = core_distributions()
     assert names.isdisjoint({"matplotlib", "pyarrow", "rerun-sdk", "tyro"})
     files = [file for name in names for file in metadata.files(name) or () if file.suffix != ".pyc"]

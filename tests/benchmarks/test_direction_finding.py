@@ -1,4 +1,4 @@
-"""Speed compared with peers, as ratios within one run: `uv run --group peers pytest -m benchmark -n 0 -s`."""
+"""Speed compared with other libraries, as ratios within one run: `uv run --group peers pytest -m benchmark -n 0 -s`."""
 
 import statistics
 import time
@@ -25,7 +25,7 @@ def gates() -> np.ndarray:
 
 
 def bearings(waveforms: np.ndarray, manifold: GainManifold) -> Bearings:
-    """Compute bearings with their deviations from gates, as a user would."""
+    """Compute bearings and their standard deviations from gates, as a user would."""
     strengths = pulse_strengths(waveforms, NOISE_V**2)
     variance = strength_variance(strengths, NOISE_V**2, N_SAMPLES)
     return estimate_bearings(strengths[:, np.newaxis], manifold, strength_variance=variance[:, np.newaxis])
@@ -38,7 +38,7 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 def cost_ratio(ours: Callable[[], object], theirs: Callable[[], object]) -> float:
-    """Compute the median ratio of the costs of two calls that are run in turns."""
+    """Compute the median ratio of the costs of two calls that are run alternately."""
     for call in (ours, theirs):  # warm up
         call()
     return statistics.median(seconds(ours) / seconds(theirs) for _ in range(ROUNDS))

@@ -57,7 +57,7 @@ def test_mission_costs_a_few_environment_steps(name: str, most: float) -> None:
 @pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize("name", ["two_sources", "switchyard"])
 def test_locator_update_time_grows_little_with_pulses(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Repeat the pulses of a mission."""
+    """The Locator gets the pulses of a mission repeatedly."""
     scenario = load_scenario(name)
     mission = Mission(scenario, "patrol", 5)
     tracked, update = list[tuple[float, np.ndarray, PulseBatch]](), Locator.update

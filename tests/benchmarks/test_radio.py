@@ -1,4 +1,4 @@
-"""Time that the receiver takes for a pulse."""
+"""Time that the receiver needs for a pulse."""
 
 import statistics
 import time

@@ -12,7 +12,7 @@ pytest.importorskip("zensical", reason="uv run --group docs")
 pytestmark = [pytest.mark.whole, NEEDS_CHROMIUM]
 
 LEFT = "favicon.png"
-"""Chromium cancels it if the next page is opened first; `tests/docs` checks that it exists."""
+"""File that Chromium stops loading if the next page is opened first; `tests/docs` checks that it exists."""
 
 
 @pytest.fixture(scope="module")

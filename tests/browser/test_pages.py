@@ -19,7 +19,7 @@ pytestmark = [
 ]
 
 MIDDLE, DRAWN_COLOURS = (slice(150, 450), slice(150, 800)), 400
-"""Where the yard is drawn, and its smallest number of colours; before it is drawn, it has one colour."""
+"""Part of the picture with the yard, and its smallest number of colours; before it is drawn, it has one colour."""
 
 
 @pytest.fixture(scope="module")

@@ -54,7 +54,7 @@ def rms_error(found: Bearings, azimuth_rad: np.ndarray) -> float:
 
 
 def normalised_error_variance(found: Bearings, azimuth_rad: np.ndarray) -> float:
-    """Return the mean squared error in stated deviations."""
+    """Return the mean square of the errors divided by their stated standard deviations."""
     return rms(difference(found.azimuth_rad, azimuth_rad) / found.std_rad) ** 2
 
 
@@ -97,7 +97,7 @@ def make_finding(**values: Any) -> Finding:  # noqa: ANN401 - any attribute of a
 
 
 def pulses_from(azimuth: np.ndarray, strength_v: np.ndarray | float) -> PulseBatch:
-    """Make pulses from azimuths (n,) with norms of their strengths, and a deviation of 0.3 degrees."""
+    """Make pulses from azimuths (n,) with given norms of their strengths, and a standard deviation of 0.3 degrees."""
     n, gain = azimuth.size, RING.gain(azimuth)
     strengths = (gain / np.linalg.norm(gain, axis=0) * strength_v).T
     return detected(strengths, 1e-6)._replace(azimuth_rad=azimuth, std_rad=np.full(n, np.radians(0.3)))

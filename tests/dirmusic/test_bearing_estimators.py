@@ -1,4 +1,4 @@
-"""The built-in estimators keep their protocol and rank as expected."""
+"""The built-in estimators follow their protocol, and their accuracies rank as expected."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_estimators_rank_likelihood_grid_strongest(n_elements: int) -> None:
     array, azimuth = ring(n_elements), anywhere()
     pulses = pulses_from(array, azimuth)
     errors = {name: rms_error(find(pulses, array), azimuth) for name, find in ESTIMATORS.items()}
-    assert errors["sub_bands"] == errors["maximum_likelihood"]  # its sub-bands were not read
+    assert errors["sub_bands"] == errors["maximum_likelihood"]  # the pulses have no sub-bands to read
     assert errors["maximum_likelihood"] <= 1.001 * errors["music"]
     assert errors["music"] < 0.5 * errors["strongest"]
 
@@ -106,7 +106,7 @@ def test_bearings_towards_agrees_with_maximum_likelihood() -> None:
     likeliest = maximum_likelihood(pulses, array)
     judged = bearings_towards(likeliest.azimuth_rad, pulses, array)
     is_same = np.isclose(judged.std_rad, likeliest.std_rad, rtol=1e-3)
-    assert is_same.mean() > 0.99  # the pattern's step at 153 degrees off boresight has no slope of its own
+    assert is_same.mean() > 0.99  # slopes differ at the pattern's step, 153 degrees off boresight
     np.testing.assert_allclose(judged.misfit, likeliest.misfit, atol=1e-4)  # its last step is not looked up again
 
 

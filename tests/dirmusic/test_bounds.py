@@ -87,7 +87,7 @@ def test_strengths_reach_bound_for_any_ring_radius(snr_db: int) -> None:
         assert error == pytest.approx(alone, rel=0.10)
         assert error <= 1.15 * rms(bearing_bound(RING, azimuth, rho(snr_db)))
         assert states_its_error(bearings, azimuth)
-    # facts.md: X X^T is off by 58 deg at 0.20 m
+    # reference value: bearings from X X^T are off by 58 deg at 0.20 m
     assert np.degrees(rms_error(bearings_from_covariance(sample_covariance(gates), RING), azimuth)) > 20.0
 
 
@@ -176,7 +176,7 @@ def test_invalid_arguments_are_refused(call, message: str) -> None:  # noqa: ANN
 
 
 def test_posterior_equals_quadrature_over_amplitude() -> None:
-    # x_i ~ N(alpha g_i, (alpha s)^2) with a scale-free prior d alpha / alpha, summed on a fine grid of its own
+    # x_i ~ N(alpha g_i, (alpha s)^2) with a scale-free prior d alpha / alpha, summed on a separate fine grid
     spread, true = 0.12, 0.35
     manifold = RING.take([0, 1, 2, 3])
     x = np.abs(7.0 * (manifold.gain(true) + spread * np.random.default_rng(15).standard_normal(4)))

@@ -1,4 +1,4 @@
-"""Where compiled functions are kept, and that stale ones are never used."""
+"""Cache of compiled functions: its folder, and that stale functions are never used."""
 
 import os
 import shutil
@@ -47,7 +47,7 @@ def test_cache_is_private_and_keeps_numba_settings(tmp_path: Path, run) -> None:
 
 
 def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  # noqa: ANN001
-    """Numba itself compares the file of the called function alone."""
+    """Numba itself compares only the file of the called function."""
     assert run(SMALL).stdout.startswith("2.0")
     kernels = tmp_path / "code" / "dirmusic" / "pulses" / "strengths.py"
     caller = kernels.parents[1] / "caller.py"

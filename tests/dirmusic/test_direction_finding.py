@@ -1,4 +1,4 @@
-"""Pattern, manifold, strengths, spectrum and bearings without noise, and their published figures."""
+"""Pattern, manifold, strengths, spectrum and bearings without noise, and their published values."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_mean_and_aperture_across_the_cut() -> None:
 
 
 def test_gaussian_pattern_has_published_figures() -> None:
-    # facts.md worked out of eq. (1): peak 1.0058 at 207.0 deg, -3 dB width 101 deg, front to back 16.3 dB
+    # computed separately from eq. (1): peak 1.0058 at 207.0 deg, -3 dB width 101 deg, front to back 16.3 dB
     off = np.radians(np.arange(-180.0, 180.0, 0.05))
     gain = GaussianPattern()(off)
     assert gain.max() == pytest.approx(1.0058, abs=1e-4)
@@ -52,7 +52,7 @@ def test_gaussian_pattern_has_published_figures() -> None:
 
 
 def test_gain_norm_is_flat_for_six_elements_not_for_four() -> None:
-    # facts.md: ||g|| flat to 0.03 dB for six; 5.4 dB for the first four of six
+    # reference values: ||g|| flat to 0.03 dB for six; 5.4 dB for the first four of six
     of_six, of_four = (np.linalg.norm(RING.gain(AZIMUTHS)[:n], axis=0) for n in (6, 4))
     assert 20 * np.log10(of_six.max() / of_six.min()) < 0.035
     assert 20 * np.log10(of_four.max() / of_four.min()) == pytest.approx(5.4, abs=0.1)
@@ -93,7 +93,7 @@ def test_zero_strengths_have_no_bearing() -> None:
 
 
 def test_bound_at_published_signal_levels() -> None:
-    # facts.md: sqrt(CRB) for N = 6 at 10, 0, -10 dB
+    # reference values: sqrt(CRB) for N = 6 at 10, 0, -10 dB
     for snr_db, degrees in ((10, 0.138), (0, 0.438), (-10, 1.385)):
         bound = bearing_bound(RING, AZIMUTHS, rho(snr_db))
         assert np.degrees(rms(bound)) == pytest.approx(degrees, rel=0.01)
@@ -110,7 +110,7 @@ def test_array_errors_bias_bearings_as_predicted() -> None:
 
 
 def test_shipped_spread_causes_two_and_a_half_degrees() -> None:
-    # locating-notes.md: 2.5 deg RMSE for 5 % gain and 2 deg pointing
+    # reference value: 2.5 deg RMSE for 5 % gain and 2 deg pointing
     std = manifold_error_std(RING, AZIMUTHS, SPREAD)
     assert np.degrees(rms(std)) == pytest.approx(2.5, abs=0.1)
 

@@ -54,7 +54,7 @@ def test_slopes_in_space_match_differences(elevation: float, tilt: float) -> Non
 
 @pytest.mark.parametrize(("elevation_deg", "bias_deg"), [(5, 0.04), (10, 0.16), (20, 0.69), (30, 1.6), (45, 3.6)])
 def test_ignored_elevation_biases_azimuth_as_published(elevation_deg: float, bias_deg: float) -> None:
-    # locating-notes.md: .04 / .16 / .69 / 1.6 / 3.6 deg rms at 5 / 10 / 20 / 30 / 45 deg of elevation
+    # reference values: .04 / .16 / .69 / 1.6 / 3.6 deg rms at 5 / 10 / 20 / 30 / 45 deg of elevation
     gain = gain_in_space(PATTERN, OFF[:, np.newaxis] - RING.boresights_rad, np.radians(elevation_deg)).gain
     in_plane = estimate_bearings(gain[:, np.newaxis], RING).azimuth_rad
     assert np.degrees(rms(difference(in_plane, OFF))) == pytest.approx(bias_deg, rel=0.15)

@@ -64,7 +64,7 @@ def semicolons(rows: list[tuple[float, float]]) -> bytes:
 
 @pytest.mark.parametrize("data", [decibels(table()), semicolons(table())], ids=["decibels", "semicolons"])
 def test_variants_of_csv_are_read_alike(tmp_path: Path, data: bytes) -> None:
-    """Comments, decibels and a closing row; decimal commas and a byte-order mark."""
+    """One file has comments, decibels and a closing row, the other decimal commas and a byte-order mark."""
     (tmp_path / "variant.csv").write_bytes(data)
     plain = read_pattern(write(tmp_path / "plain.csv", table()))
     np.testing.assert_allclose(read_pattern(tmp_path / "variant.csv")(OFF), plain(OFF), atol=1e-9)

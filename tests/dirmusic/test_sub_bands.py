@@ -28,7 +28,7 @@ ARRAY = ArrayModel(
     spread=ElementSpread(),
     band_manifolds=tuple(GainManifold.ring(6, beam(sharpness)) for sharpness in (0.6, 0.8, 1.0, 1.2, 1.4, 1.6)),
 )
-"""Ring whose beams have another sharpness in each half sub-band, and the mean one in the full band."""
+"""Ring whose beams have a different sharpness in each half sub-band, and the mean pattern in the full band."""
 
 
 def test_band_energies_sum_to_gate_energy() -> None:
@@ -94,7 +94,7 @@ def test_sub_bands_reach_bound_with_stated_deviation() -> None:
     error = difference(found.azimuth_rad, azimuth)
     middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(ARRAY.band_manifolds)] * 2, strict=True)]
     of_bands = [bearing_bound(manifold, azimuth, 2 * 40.0**2) for manifold in middles]
-    limit = np.sum(np.power(of_bands, -2.0), axis=0) ** -0.5  # each has an amplitude of its own
+    limit = np.sum(np.power(of_bands, -2.0), axis=0) ** -0.5  # the amplitude of each band is unknown
     assert rms(error / limit) == pytest.approx(1.0, abs=0.04)
     assert rms(error / found.std_rad) == pytest.approx(1.0, abs=0.04)
     assert found.misfit.min() >= 0.0

@@ -50,7 +50,7 @@ ALONE = [title for title in TUTORIAL if title not in (LEAVES_MISSION, *FOLLOWING
 
 
 def run(steps: list[str], folder: Path) -> None:
-    """Run the lines in a shell, in a folder that stands for the top of the repository."""
+    """Run the lines in a shell, in a folder that represents the top of the repository."""
     environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     for line in steps:
         command = line.replace("uv run ", "")

@@ -9,7 +9,7 @@ STAND = np.zeros(2, dtype=np.float32)
 
 
 def drive(speed: float, turn: float) -> np.ndarray:
-    """Return the action with these shares of the robot's greatest speed and yaw rate."""
+    """Return the action for these fractions of the robot's top speed and yaw rate."""
     return np.array([speed, turn], dtype=np.float32)
 
 

@@ -38,7 +38,7 @@ Call = tuple[str, dict[str, Any]]
 
 
 def calls(shape: tuple[int, ...]) -> st.SearchStrategy[list[Call]]:
-    """Draw lists of calls, right and wrong ones, for an environment with actions of some shape."""
+    """Draw lists of valid and invalid calls for an environment with actions of the given shape."""
     dtypes = st.sampled_from([np.float16, np.float32, np.float64])
     actions = dtypes.flatmap(lambda dtype: arrays.arrays(dtype, shape, elements=st.floats(-3, 3, width=16)))
     seeds, options = st.none() | st.integers(0, 2**40), st.sampled_from(OPTIONS)
@@ -63,7 +63,7 @@ def send(env: Any, name: str, arguments: dict[str, Any]) -> Any:  # noqa: ANN401
 
 
 def play(sequence: list[Call], mode: AutoresetMode | None) -> None:
-    """Send all calls to one environment and only the right ones to its twin."""
+    """Send all calls to one environment and only the valid ones to its twin."""
     short = load_scenario("one_source", {"task.time_limit_s": 0.3})
     env, twin = (
         PatrolEnv(short) if mode is None else PatrolVectorEnv(N_ROBOTS, short, num_threads=1, autoreset_mode=mode)
@@ -99,7 +99,7 @@ def test_calls_in_any_order_equal_those_of_a_twin() -> None:
 
 @pytest.mark.slow
 def test_calls_in_any_order_keep_array_bounds(tmp_path: Path) -> None:
-    """Compiled loops check bounds, in a process with its own cache of machine code."""
+    """Compiled loops check array bounds, in a process with its own cache of compiled code."""
     environment = os.environ | {
         "NUMBA_BOUNDSCHECK": "1",
         "NUMBA_CACHE_DIR": str(tmp_path),

@@ -1,4 +1,4 @@
-"""`info` has fixed shapes; entries without one are there only with `full_info`."""
+"""`info` has fixed shapes; entries without a fixed shape are present only with `full_info`."""
 
 import re
 from typing import Any

@@ -119,7 +119,7 @@ def test_compiled_wrap_equals_wrap() -> None:
 
 
 def test_pose_error_keeps_deviation_and_correlation() -> None:
-    """The deviation is that of the scenario, and the correlation 1/e after the correlation time of 5 s."""
+    """The standard deviation is that of the scenario; the correlation falls to 1/e in the correlation time of 5 s."""
     sensors, rng = Sensors(1, 1.0), np.random.default_rng(0)
     sensors.sense(started=[0])
     seen = np.empty((60_000, 3))

@@ -1,4 +1,4 @@
-"""PDPatrol-v0 keeps the contract of Gymnasium and its own."""
+"""PDPatrol-v0 fulfils the contract of Gymnasium and that of its docstring."""
 
 import pickle
 import re
@@ -43,7 +43,7 @@ def test_docstring_table_matches_observation_space() -> None:
     pace=st.floats(-1.0, 1.0, width=32),
 )
 def test_observations_lie_in_their_space(name: str | int, seed: int, pace: float) -> None:
-    """Shipped scenarios by name, random yards by number of obstructions."""
+    """Names select shipped scenarios, numbers select random yards with so many obstructions."""
     scenario = random_yard(seed, name) if isinstance(name, int) else load_scenario(name)
     env = PatrolEnv(scenario)
     observation, _ = env.reset(seed=seed)
@@ -168,7 +168,7 @@ def test_every_shot_of_a_discharge_gun_is_detected_once() -> None:
         _, _, terminated, truncated, info = env.step(STAND)
         assert not terminated
         pulses = info["pulses"]
-        times += pulses.time_s[pulses.std_rad < np.radians(10.0)].tolist()  # triggers by noise alone have no bearing
+        times += pulses.time_s[pulses.std_rad < np.radians(10.0)].tolist()  # triggers by noise have no bearing
     np.testing.assert_allclose(info["true_pose"], start, atol=0.01)
     expected = np.concatenate([1.0 + 11.0 * k + np.arange(20) / 2.0 for k in range(10)])
     np.testing.assert_allclose(times, expected, atol=1e-9)

@@ -18,7 +18,7 @@ def test_picture_shows_the_robot_and_check_env_passes(mode: str) -> None:
         assert picture.shape == (480, 640, 3)
         assert picture.dtype == np.uint8
         yellow = (picture[..., 0] > 150) & (picture[..., 1] > 100) & (picture[..., 2] < 80)
-        assert yellow.sum() > 500  # its hull
+        assert yellow.sum() > 500  # hull of the robot
     else:
         assert picture.shape == (480, 640)
         assert picture.min() == pytest.approx(1.9, abs=0.5)  # metres from the camera to the robot

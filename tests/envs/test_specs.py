@@ -1,4 +1,4 @@
-"""Specs through JSON, length of episodes, seeds, and errors of calls."""
+"""Environment specs in JSON, length of episodes, seeds, and errors of invalid calls."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_max_episode_steps_limits_single_and_vector() -> None:
     assert (spec_of(env).max_episode_steps, spec_of(many).max_episode_steps) == (7, 7)
     (one, _), (rows, _) = env.reset(seed=1), many.reset(seed=1)
     for step in range(1, 8):
-        assert one["time"] == rows["time"][0] == np.float32(0.1 * (step - 1))  # the limit does not show
+        assert one["time"] == rows["time"][0] == np.float32(0.1 * (step - 1))  # the limit does not change observations
         one, _, _, late, _ = env.step(np.full(2, 0.5, dtype=np.float32))
         rows, _, _, rows_late, _ = many.step(np.full((2, 2), 0.5, dtype=np.float32))
         assert late == rows_late[0] == (step == 7)

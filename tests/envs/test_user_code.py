@@ -152,7 +152,7 @@ def test_changed_file_is_loaded_anew(tmp_path: Path) -> None:
     write(tmp_path, "my.py", "from .helper import VALUE", "class Thing:", "    gain = 2, VALUE")
     first = load_object("my.py:Thing", tmp_path, "")
     assert load_object(f"../{tmp_path.name}/my.py:Thing", tmp_path, "") is first
-    write(tmp_path, "helper.py", "VALUE = 5")  # as long as before, in the same second
+    write(tmp_path, "helper.py", "VALUE = 5")  # same size and modification second as before
     assert (first.gain, load_object("my.py:Thing", tmp_path, "").gain) == ((2, 1), (2, 5))
 
 

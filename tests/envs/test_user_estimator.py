@@ -1,4 +1,4 @@
-"""Estimators of users are used for bearings, and their errors are one line with file and line number."""
+"""Users' estimators are used for bearings, and their errors are one line with file and line number."""
 
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""Each row of the vector environment equals a single environment to the bit."""
+"""Each row of the vector environment equals a single environment bit for bit."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def assert_same(native: Any, sync: Any) -> None:  # noqa: ANN401 - any result of
 def assert_rows_equal_singles(
     scenario: Scenario, num_envs: int = 3, num_threads: int = 2, mode: str = "NextStep", n_steps: int = 60
 ) -> tuple[int, int, int]:
-    """Compare all results with those of single environments, also after resets of single rows.
+    """Compare all results with those of single environments, including resets of single rows.
 
     Returns:
         Number of episodes that ended, of steps in which some rows ended and others did not, and of pulses detected.

@@ -22,7 +22,7 @@ def make() -> PatrolEnv:
     return PatrolEnv("one_source")
 
 
-@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")  # so it is; that is what is checked
+@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")  # expected here
 @pytest.mark.parametrize("wrapped", [BearingsOnly, FlatObservation, lambda env: FlatObservation(BearingsOnly(env))])
 def test_wrapped_environment_passes_check_env_and_pickles(wrapped) -> None:  # noqa: ANN001
     env = wrapped(gymnasium.make("pdpatrol:PDPatrol-v0").unwrapped)

@@ -1,4 +1,4 @@
-"""Verbs of the command line that refuse their arguments, called in the test's own process."""
+"""Fixture that calls verbs of the command line, which must refuse their arguments, in the process of the test."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -13,7 +13,7 @@ Refused = Callable[..., list[str]]
 
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Refused:
-    """Return a function that calls a verb, checks its exit status, and returns the lines by which it refuses."""
+    """Return a function that calls a verb, checks its exit status, and returns its error lines."""
 
     def refused(verb: str, *arguments: object, cwd: Path) -> list[str]:
         monkeypatch.chdir(cwd)

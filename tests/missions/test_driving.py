@@ -177,7 +177,7 @@ def test_fifty_obstacle_courses_are_completed(first: int, robot: str) -> None:
 
 
 class Ahead:
-    """Drives at full speed ahead."""
+    """Policy that drives straight ahead at full speed."""
 
     phase, unreachable = Phase("ahead"), ()
 
@@ -191,7 +191,7 @@ class Ahead:
 
 @pytest.mark.parametrize(("left_mps", "is_bump"), [(0.05, True), (0.55, False)])
 def test_collision_is_mapped_and_backed_off_from(left_mps: float, is_bump: bool) -> None:
-    """An overhang is above the lidar's plane. The motors brake by at most 0.3 m/s in a step."""
+    """An overhang is above the lidar's plane. The motors can reduce the speed by at most 0.3 m/s in a step."""
     env, inner = PatrolEnv(OPEN_YARD, terminate_on_approach=False), Ahead()
     observation, site_map = env.reset(seed=0)[0], SiteMap(OPEN_YARD)
     guard = CollisionGuard(inner)

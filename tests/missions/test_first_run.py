@@ -22,7 +22,7 @@ print(log.n_rows("step"), log.n_rows("pulse"), log.column("pulse", "strengths_v"
 
 @pytest.mark.whole
 def test_mission_runs_without_compilation() -> None:
-    """The functions in Python detect the pulses that the compiled ones detect, with the same strengths."""
+    """The Python functions detect the same pulses as the compiled ones, with the same strengths."""
     log = run_mission(load_scenario("two_sources", {"task.time_limit_s": 4.0}))
     assert log.n_rows("pulse")
     done = subprocess.run(
@@ -47,4 +47,4 @@ def test_mission_at_first_run_compiles_what_others_need(tmp_path: Path) -> None:
     assert kept
     for scenario in ("transformer_bay", "gis_hall", "paper_field"):
         new = files(scenario, 120.0) - kept
-        assert len(new) <= 4, new  # of rare cases such as a fault
+        assert len(new) <= 4, new  # kernels for rare cases such as a fault

@@ -1,4 +1,4 @@
-"""Tracker: what it logs of pulses and findings."""
+"""Pulses and findings that the Tracker logs."""
 
 from dataclasses import replace
 

@@ -40,7 +40,7 @@ def test_probabilities_add_up_to_one() -> None:
 
 
 def test_probabilities_are_calibrated() -> None:
-    """Stated probabilities are frequencies for findings that scatter by their covariance."""
+    """Stated probabilities equal the frequencies for findings that scatter according to their covariance."""
     rng, sites = np.random.default_rng(1), YARD.site_names()
     covariance = np.diag([0.09, 0.09, 0.16])
     stated, right = np.empty(400), np.empty(400)

@@ -35,7 +35,7 @@ def test_simultaneous_contacts_are_sorted(shipped: OneRobot) -> None:
 def test_contact_within_an_interval_is_reported(inspector: OneRobot) -> None:
     inspector.reset(18.72, 10.0, 0.0)
     inspector.drive(0.8, 0.0, 0.2)
-    assert inspector.touched() == ()  # on its way, 8 cm before the tank it cannot brake any more
+    assert inspector.touched() == ()  # still driving, 8 cm from the tank and too fast to stop
     speed = inspector.velocity()[0]
     inspector.drive(-0.8, 0.0, 1.0)
     assert speed > 0.5

@@ -87,7 +87,7 @@ def test_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
     inspector = Robots(load_robot("inspector"), kerb, ONE_ELEMENT)
     inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
-    assert inspector.readings.values[0, LIDAR][0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
+    assert inspector.readings.values[0, LIDAR][0] == pytest.approx(1.0 - 0.075, abs=0.01)  # at the height of the lidar
     inspector.drive([0.5], [0.0], 3.0)
     assert inspector.touched[0] == ("equipment/it",)
     assert inspector.readings.pose[0, 1] < 15.0

@@ -1,4 +1,4 @@
-"""Laws of the inspector alone: its wheels and casters on the floor, and its measures."""
+"""Properties of the inspector alone: its wheels and casters on the floor, and its dimensions."""
 # pyright: reportAttributeAccessIssue=false
 
 import mujoco

@@ -1,4 +1,4 @@
-"""Driving at random for long in a yard with equipment: the physics stays sound, and the robot inside the fence."""
+"""Long random drives in a yard with equipment: the physics stays valid, and the robot stays inside the fence."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from pdpatrol.robot_models.description.robot_description import SHIPPED
 @pytest.mark.parametrize("robot", SHIPPED)
 @pytest.mark.parametrize("minutes", [3, pytest.param(60, marks=pytest.mark.slow)])
 def test_random_driving_is_sound(robot: str, minutes: int) -> None:
-    """A new command every second, and checks at every step."""
+    """The command changes every second, and every step is checked."""
     scenario = load_scenario("transformer_bay").model_copy(update={"robot": RobotConfig(model=robot)})
     inner_m = scenario.robot.description.inner_radius_m
     task = scenario.task.model_copy(update={"time_limit_s": 60.0 * minutes})

@@ -1,4 +1,4 @@
-"""Laws of how robots move: all shipped ones, and what only one of them has to obey."""
+"""Motion of robots: properties of all shipped robots, and of single ones."""
 # pyright: reportAttributeAccessIssue=false
 
 import math
@@ -15,7 +15,7 @@ from pdpatrol.robot_models.yard.yard import Yard
 from tests.robot_models.one_robot import ONE_ELEMENT, OneRobot
 
 TRACKING = {"inspector": 0.01, "crawler": 0.03}
-"""Tolerance of the speed reached, as a share of the command."""
+"""Tolerance of the speed reached, as a fraction of the command."""
 
 
 def robots_of(model: str, n_robots: int = 1) -> Robots:

@@ -1,4 +1,4 @@
-"""Robots from files: their measures, and the errors of invalid files."""
+"""Robots from files: their properties, and the errors of invalid files."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Independent receiver in NumPy and SciPy that samples all of an emission, from long before its first arrival on.
+"""Independent receiver in NumPy and SciPy that samples a whole emission, starting long before its first arrival.
 
 It shares no code with the product: waveform, filter, trigger level, gate and burst test are written out here again.
 """
@@ -20,13 +20,13 @@ BEFORE, GATE, LONGEST_ECHO_S = 20, 90, 60e-9
 """Default receiver."""
 
 SETTLING = 400
-"""Samples in which the filter forgets that it began at rest."""
+"""Samples after which the initial state of the filter has no effect."""
 
 SECTIONS = butter(6, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
 
 
 class Sampled(NamedTuple):
-    """Gates behind the ADC, shape (n, n_elements, n_gate), and number of emissions rejected as bursts."""
+    """Gates after the ADC, shape (n, n_elements, n_gate), and number of emissions rejected as bursts."""
 
     gates_v: FloatArray
     n_bursts: int
@@ -43,7 +43,7 @@ def damped_sine(time_s: FloatArray, phase_rad: float = 0.0) -> FloatArray:
 
 @cache
 def filtered_noise() -> tuple[float, float]:
-    """Return standard deviation and lag-one correlation of the noise behind the filter."""
+    """Return standard deviation and lag-one correlation of the noise after the filter."""
     h = np.asarray(sosfilt(SECTIONS, np.eye(1, 20_000)[0]))
     return NOISE_V * float(np.sqrt(h @ h)), float(h[1:] @ h[:-1] / (h @ h))
 
@@ -69,12 +69,12 @@ def step_v() -> float:
 
 
 def noise_variance_v2() -> float:
-    """Return the variance of a sample behind the ADC without a pulse."""
+    """Return the variance of a sample after the ADC without a pulse."""
     return filtered_noise()[0] ** 2 + step_v() ** 2 / 12
 
 
 def signal(delay_s: FloatArray, amplitude: NDArray[np.complex128], peak_v: float, time_s: FloatArray) -> FloatArray:
-    """Return what all paths bring to the elements in front of the filter, shape (n_elements, n_samples)."""
+    """Return the sum of all paths at the elements, before the filter, shape (n_elements, n_samples)."""
     since_s = time_s - delay_s[:, :, np.newaxis]
     shape = damped_sine(since_s) - 1j * damped_sine(since_s, 0.5 * np.pi)
     return peak_v * (amplitude[:, :, np.newaxis] * shape).sum(axis=0).real

@@ -22,7 +22,7 @@ def solids_at(
     top_m: float = 3.0,
     yaw_rad: float = 0.0,
 ) -> Rows:
-    """Make equal solids at centres on plan, each a piece of equipment."""
+    """Make equal solids at horizontal centres, each a piece of equipment."""
     one = np.ones(len(centres))
     half, owner = np.tile(half_m, (one.size, 1)), np.arange(one.size)
     return upright_solids(
@@ -47,7 +47,7 @@ def on_the_ground(wall: Rows) -> Rows:
 
 
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
-    """Make a material that reflects a fixed share of every wave and transmits the rest with a loss."""
+    """Make a material that reflects a fixed fraction of every wave and transmits the rest with a loss."""
     return Material.of_loss(1.0, 1e12, loss_db, flat_share)
 
 

@@ -14,7 +14,7 @@ TILTED = ArrayConfig(
 
 @pytest.mark.parametrize("config", [ArrayConfig(), TILTED, ArrayConfig(n_elements=16)], ids=["level", "tilted", "16"])
 def test_tabulated_gain_and_slopes_match_formula(config: ArrayConfig) -> None:
-    """The compiled table of the gain against the formula that direction finding uses."""
+    """The compiled table of the gain agrees with the formula that direction finding uses."""
     rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
     table, off = ArrayTable.of(array), []
     for azimuth, elevation in zip(rng.uniform(-np.pi, np.pi, 200), rng.uniform(-1.5, 1.5, 200), strict=True):
@@ -29,7 +29,7 @@ def test_tabulated_gain_and_slopes_match_formula(config: ArrayConfig) -> None:
         off.append(np.sort(np.abs(by_table - np.stack(by_formula, axis=-1)), axis=0))
         in_space = array.gain(np.full(len(looks), azimuth), np.full(len(looks), elevation))
         np.testing.assert_array_equal(in_space, array.gain_factors * by_formula.gain + array.gain_offsets)
-    ordered = np.array(off)  # one direction may lie on the step of eq. (1), which the table slopes
+    ordered = np.array(off)  # one direction may lie on the step of eq. (1), a slope in the table
     assert ordered[:, -2, 0].max() < 1e-9
     assert ordered[:, -1, 0].max() < 0.01
     assert np.quantile(ordered[:, -2, 1:].max(axis=-1), 0.97) < 1e-7

@@ -51,7 +51,7 @@ def test_mover_is_received_like_fixed_source_at_its_place(start_s: float) -> Non
 
 
 def test_bank_moves_sources_by_time_of_each_robot() -> None:
-    """The pulses of each robot equal, to the bit, those of a bank with that robot alone."""
+    """The pulses of each robot equal, bit for bit, those of a bank with only that robot."""
     starts_s, poses = np.array([0.4, 3.1, 6.0]), np.tile(np.eye(4), (3, 1, 1))
     together = ReceiverBank(ReceiverConfig(), [listener(POST, tram(), seed=seed) for seed in range(3)])
     detected = together.listen(poses, starts_s, 0.1)

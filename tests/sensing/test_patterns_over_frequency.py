@@ -37,7 +37,7 @@ def array_with(pattern: GainPattern | SpatialPattern, config: ArrayConfig) -> He
 
 
 def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: float) -> FloatArray:
-    """Return the channels behind the filter for a pulse of 1 V at 1 m, shape (n_elements, n_samples)."""
+    """Return the channels after the filter for a pulse of 1 V at 1 m, shape (n_elements, n_samples)."""
     row = np.zeros(1, PATH)
     row["x"], row["y"], row["z"] = from_m
     row["coefficient"] = 1.0
@@ -51,7 +51,7 @@ def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: f
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 25.0])
 def test_flat_table_is_received_like_its_pattern(tilt_deg: float) -> None:
-    """A table without frequency dependence gives the signals of the plane pattern that it was made from."""
+    """A table without frequency dependence gives the signals of the plane pattern from which it was made."""
     config = ArrayConfig(
         elements=tuple(ElementConfig(azimuth_deg=90.0 - 60.0 * k, elevation_deg=tilt_deg) for k in range(6))
     )
@@ -71,7 +71,7 @@ def test_flat_table_is_received_like_its_pattern(tilt_deg: float) -> None:
 
 
 def test_received_pulse_is_spectrum_times_gain() -> None:
-    """Compared with the discrete Fourier transform of the whole pulse, with the gain at each of its frequencies."""
+    """The reference is the discrete Fourier transform of the whole pulse, times the gain at each frequency."""
     config = ArrayConfig()
     array, pattern = array_with(read_spatial_pattern(HELIX), config), read_spatial_pattern(HELIX)
     n, fine = 4096, 8

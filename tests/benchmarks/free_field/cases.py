@@ -1,6 +1,6 @@
 """Cases in the free field: a robot drives once around discharges in an empty yard.
 
-The shipped models of nature, array, receiver and pose sensor make the pulses; the seed alone determines all draws.
+The shipped models of discharges, array, receiver and pose sensor make the pulses; the seed alone determines all draws.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Case(NamedTuple):
         array: The array as the robot knows it.
         pose_error: Error of the poses as the robot knows it.
         true_pose: x m, y m, yaw rad at each control step, world frame, shape (n_steps, 3).
-        pose: The same as the pose sensor measures it, shape (n_steps, 3).
+        pose: The same, as measured by the pose sensor, shape (n_steps, 3).
         pulses: All detected pulses with their directions, by time.
         step: Control step of each pulse, shape (n_pulses,).
     """
@@ -58,7 +58,7 @@ class Case(NamedTuple):
 
 
 def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
-    """Draw a drive by its seed.
+    """Draw a drive from a seed.
 
     Args:
         seed: Seed of all draws.

@@ -25,9 +25,9 @@ class ScoredCases(NamedTuple):
     """Errors of the finding with the most pulses in each case, NaN without a finding.
 
     Attributes:
-        miss_m: Distance from the truth on plan, shape (n_cases,).
+        miss_m: Horizontal distance from the truth, shape (n_cases,).
         is_inside: Whether the truth lies within its 95 % ellipse, shape (n_cases,).
-        n_false: Confirmed findings beyond one, shape (n_cases,).
+        n_false: Number of confirmed findings beyond the first, shape (n_cases,).
     """
 
     miss_m: FloatArray
@@ -78,14 +78,14 @@ def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
 def position_bound(case: Case) -> FloatArray:
     r"""Compute the Cramer-Rao bound of the position of one source from all pulses, for a known array.
 
-    The information of pulses k with strengths :math:`\alpha_k h_k(p)`, their amplitudes unknown, in noise of covariance
-    :math:`\Sigma_k`, with what is believed of the height:
+    The information from pulses k with strengths :math:`\alpha_k h_k(p)` of unknown amplitude, in noise of covariance
+    :math:`\Sigma_k`, and from the prior of the height:
 
     .. math:: F = \sum_k D_k^T (I - u_k u_k^T) D_k + \mathrm{diag}(0, 0, \sigma_z^{-2}),
         \quad D_k = \Sigma_k^{-1/2} \alpha_k \partial h_k / \partial p, \quad u_k \propto \Sigma_k^{-1/2} h_k
 
     Returns:
-        Covariance on plan, shape (2, 2), square metres.
+        Covariance of the horizontal position, shape (2, 2), square metres.
     """
     weight = 1.0 / np.sqrt(case.pulses.variance_v2)
     towards = weight * _gains(case, case.sources_m[0])

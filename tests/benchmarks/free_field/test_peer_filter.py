@@ -40,10 +40,10 @@ def of_peer(name: str) -> Any:  # noqa: ANN401 - a module of a library that need
 def peer_position(lines: tuple[np.ndarray, ...]) -> np.ndarray:
     """Return the position, shape (2,), by an unscented Kalman filter that starts from the middle of the yard.
 
-    An extended one, one that starts from the crossing of two lines, and a particle filter are no better.
+    An extended filter, a filter that starts where two lines cross, and a particle filter are not better.
     """
     linear, array = of_peer("models.transition.linear"), of_peer("types.array")
-    still = linear.CombinedLinearGaussianTransitionModel([linear.RandomWalk(1e-9)] * 2)  # with 0 it loses rank
+    still = linear.CombinedLinearGaussianTransitionModel([linear.RandomWalk(1e-9)] * 2)  # with 0 it would be singular
     predictor = of_peer("predictor.kalman").KalmanPredictor(still)
     updater = of_peer("updater.kalman").UnscentedKalmanUpdater(None)
     fence_m = np.asarray(FENCE_M)

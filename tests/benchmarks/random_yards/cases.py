@@ -47,12 +47,12 @@ def is_all_found(report: Report) -> bool:
 
 
 def planned(seed: int) -> Scenario:
-    """Return a yard of 0 to 12 pieces with one source and a planned route."""
+    """Return a yard with 0 to 12 pieces of equipment, one source and a planned route."""
     return _with_time(random_yard(seed, seed % 13, has_planned_route=True))
 
 
 def several(seed: int) -> Scenario:
-    """Return a yard of 5 to 12 pieces with one to three sources and a planned route."""
+    """Return a yard with 5 to 12 pieces of equipment, one to three sources and a planned route."""
     scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 5])
     sources = [*scenario.sources]
     while len(sources) < 1 + seed % 3:
@@ -67,7 +67,7 @@ def several(seed: int) -> Scenario:
 
 
 def narrow(seed: int) -> Scenario | None:
-    """Return a yard of 5 to 12 pieces with a planned route and a narrow source; None if none was drawn."""
+    """Return a yard with 5 to 12 pieces, a planned route and a narrow source; None if the seed gives no such yard."""
     scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 8])
     site_map = SiteMap(scenario)
     is_reachable = np.isfinite(site_map.reach(scenario.route.dock_m).length_m)
@@ -82,7 +82,7 @@ def narrow(seed: int) -> Scenario | None:
 
 
 def hidden(seed: int) -> Scenario | None:
-    """Return a yard of 5 to 12 pieces with a route without line of sight to its source; None if none was drawn."""
+    """Return a yard with 5 to 12 pieces whose route has no line of sight to its source; None if the seed gives none."""
     scenario, rng = random_yard(seed, 5 + seed % 8), np.random.default_rng([seed, 77])
     site_map, source_m = SiteMap(scenario), _place(scenario.yard, scenario.sources[0])
     is_in_sight = site_map.in_sight(site_map.centres_m, source_m, 0.3)

@@ -136,7 +136,7 @@ def test_changed_finding_or_array_changes_assignment() -> None:
 
 
 def bearings_from_above(azimuth: np.ndarray, elevation_rad: float) -> PulseBatch:
-    """Make strong pulses from one elevation, with the bearings that are taken of them in the plane."""
+    """Make strong pulses from one elevation, with the bearings that are estimated from them in the plane."""
     off = azimuth[:, np.newaxis] - RING.boresights_rad
     strengths = RING.response_in_space(off, np.full((azimuth.size, 1), elevation_rad)).gain
     return with_bearings(detected(strengths, 1e-4), SMALL_ARRAY)
@@ -209,7 +209,7 @@ def phases_of(kind: str, rng: np.random.Generator, n: int, at_deg: float | Float
 
 @pytest.mark.parametrize("kind", ["corona", "any", "unknown"])
 def test_mains_phase_separates_aligned_findings(kind: str) -> None:
-    """Two findings that are first seen from the side, and then aligned; other phases separate nothing."""
+    """The robot views two findings from the side and then in line; uniform or unknown phases do not separate them."""
     rng = np.random.default_rng(0)
     findings = [AHEAD, finding(11.0, 0.0, number=2)]
     detections = []

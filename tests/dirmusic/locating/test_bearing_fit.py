@@ -1,4 +1,4 @@
-"""Positions from bearings alone: what averages away, what does not, and how honest the ellipse is."""
+"""Positions from bearings alone: which errors average out, which do not, and the coverage of the ellipse."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -77,7 +77,7 @@ def test_ellipse_coverage_with_array_and_pose_errors(coarse: bool) -> None:
         if coarse:  # the boresight next to the direction
             strongest = RING.gain(azimuths(pose)).argmax(axis=0)
             bearing = {"azimuth_rad": RING.boresights_rad[strongest], "std_rad": np.full(len(pose), SECTOR_STD_RAD)}
-        else:  # 1 degree of noise, and 2.5 degrees in common by an array that is not as its data sheet says
+        else:  # 1 degree of noise, and 2.5 degrees that all pulses share because of array errors
             common = manifold_error(RING, azimuths(pose), drawn_errors(rng))
             bearing = {"azimuth_rad": wrap(azimuths(pose) + common + rng.normal(0, np.radians(1.0), len(pose)))}
         believed = pose + wandering(rng, len(pose))
@@ -85,14 +85,14 @@ def test_ellipse_coverage_with_array_and_pose_errors(coarse: bool) -> None:
         inside += is_inside95(position - SOURCE_M, covariance)
         square_m2 += float(np.square(position - SOURCE_M).sum()) / n_orbits
         semi_major_m += ellipse95(covariance).semi_major_m / n_orbits
-    assert 0.91 < inside / n_orbits < 0.985  # three deviations are 0.038
+    assert 0.91 < inside / n_orbits < 0.985  # three standard deviations are 0.038
     assert semi_major_m < 3.0 * np.sqrt(square_m2)
 
 
 @pytest.mark.parametrize(
     ("solve", "spread", "pose_error", "method_rad", "factor"),
     [
-        (locate_by_bearings, ElementSpread(), NO_POSE_ERROR, 0.0, 0.1),  # noise averages away
+        (locate_by_bearings, ElementSpread(), NO_POSE_ERROR, 0.0, 0.1),  # noise averages out
         (locate_by_bearings, SPREAD, NO_POSE_ERROR, 0.0, 1.0),  # errors of the array do not
         (locate_by_bearings, ElementSpread(), POSE_ERROR, 0.0, 1.0),  # nor those of the pose within a second
         (locate_by_bearings, ElementSpread(), NO_POSE_ERROR, np.radians(5.0), 1.0),  # nor those of the method

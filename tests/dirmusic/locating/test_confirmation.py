@@ -1,4 +1,4 @@
-"""States of findings by their detections: missing pulses count only where the finding is in sight."""
+"""States of findings according to their detections: missing pulses count only where the finding is in sight."""
 
 from dataclasses import replace
 
@@ -29,12 +29,12 @@ CANDIDATE = make_finding(covariance_m2=0.05 * np.eye(3), n_bearings=20, nearest_
 def judged(
     *detections: tuple[float, float, float, float], finding: Finding = CANDIDATE, transmission: float = 1.0
 ) -> Finding:
-    """Return a finding at the origin with its state by pulses that are detected from the west, one a second.
+    """Return a finding at the origin with its state after pulses that are detected from the west, one per second.
 
     Args:
         detections: Number of seconds, range, level above `LEVEL_DB` at that range, and bearing in degrees.
         finding: The finding before.
-        transmission: Transmission from everywhere by the map.
+        transmission: Transmission from everywhere according to the map.
     """
     batches, time_s = [], 0.0
     for n_seconds, range_m, excess_db, bearing_deg in detections:
@@ -83,5 +83,5 @@ def disagreement_of(wandering_rad: float, seed: int, n_pulses: int = 15) -> floa
 
 def test_disagreement_of_one_source_is_one_and_of_wandering_bearings_large() -> None:
     assert np.mean([disagreement_of(0.0, seed, 1) for seed in range(5)]) == pytest.approx(1.0, abs=0.2)
-    assert np.mean([disagreement_of(0.0, seed) for seed in range(5)]) < 1.0  # of array and pose, no error was drawn
+    assert np.mean([disagreement_of(0.0, seed) for seed in range(5)]) < 1.0  # array and pose have no errors here
     assert min(disagreement_of(1.2 * NOISE_RAD, seed) for seed in range(5)) > 1.5

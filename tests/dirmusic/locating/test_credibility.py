@@ -1,4 +1,4 @@
-"""Which pulses look like one plane wave from one direction."""
+"""Pulses that are consistent with a single plane wave, and pulses that are not."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_source_above_is_credible(elevation_deg: float) -> None:
     pulses = pulses_of(0.5 * gain * (1.0 + rng.normal(0.0, 0.05, (200, 6))))
     assert np.mean(credible(pulses)) > 0.97
     if elevation_deg > 45.0:
-        assert np.median(pulses.misfit) > 3 * 0.02  # three times what an array off by so much leaves in the plane
+        assert np.median(pulses.misfit) > 3 * 0.02  # three times the misfit in the plane with the same array errors
 
 
 def test_clipped_pulse_is_not_credible() -> None:

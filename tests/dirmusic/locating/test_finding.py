@@ -63,7 +63,7 @@ def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
         axes, centre = rotation(rng.uniform(0.0, np.pi)), rng.uniform(-40.0, 70.0, 2)
         covariance = axes @ np.diag(np.square([rng.uniform(0.5, 20.0), rng.uniform(0.5, 3.0)])) @ axes.T
         distance2 = ((grid - centre) @ np.linalg.inv(covariance) * (grid - centre)).sum(axis=1).min()
-        if not 0.9 * CHI2_95 < distance2 < 1.1 * CHI2_95:  # the grid is too coarse to tell
+        if not 0.9 * CHI2_95 < distance2 < 1.1 * CHI2_95:  # the grid is too coarse to decide
             assert reaches95(centre, covariance, corner) == (distance2 < CHI2_95)
             n_reaching += distance2 < CHI2_95
     assert 30 < n_reaching < 170

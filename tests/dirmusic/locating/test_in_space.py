@@ -45,7 +45,7 @@ def test_height_error_agrees_with_its_deviation(height_m: float) -> None:
 def test_height_deviation_covers_the_mirror_image() -> None:
     """Sources equally far above and below the array give the same pulses, so the standard deviation covers both."""
     (finding,) = drive_round(np.array([10.0, 10.0, 0.15]), 0, radius_m=1.5).findings
-    assert abs(finding.position_m[2] - 0.15) < 2.5 * finding.height_std_m  # the two modes are two apart
+    assert abs(finding.position_m[2] - 0.15) < 2.5 * finding.height_std_m  # the modes are two standard deviations apart
 
 
 def over_the_tank(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -> np.ndarray:

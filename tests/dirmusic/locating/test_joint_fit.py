@@ -58,7 +58,7 @@ def modelled(state: FloatArray) -> FloatArray:
 
 
 def linear(state: FloatArray, strengths: FloatArray, priors: Priors) -> tuple[FloatArray, ...]:
-    """Misses (40, 6) and slopes (40, 6, N_STATES - 3) of all pulses; the boresights are turned as `evaluate` does."""
+    """Return residuals (40, 6) and slopes (40, 6, N_STATES - 3) of all pulses, boresights turned as by `evaluate`."""
     data = FitData(POSE, SOURCE, WEIGHT, strengths, np.full(40, 3.0))
     errors, at = state[6:24].reshape(3, 6), (np.empty((40, 6)), np.empty((40, 6, N_STATES - 3)))
     turned = NOMINAL._replace(
@@ -102,7 +102,7 @@ def test_cost_and_derivatives_are_those_of_soft_l1() -> None:
 def test_two_sources_and_array_errors_are_estimated() -> None:
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
     truth = STATE.copy()
-    truth[2], truth[5], truth[24:] = 2.1, 1.4, 0.0  # heights as they are believed to be, and the pattern
+    truth[2], truth[5], truth[24:] = 2.1, 1.4, 0.0  # heights at their prior means; pattern as assumed
     pulses = detected(modelled(truth), 1e-4, 10.0 * np.arange(40))
     start_m = truth[:6].reshape(2, 3) + np.array([[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]])
     fix = locate_jointly(pulses, POSE, SOURCE, start_m, array, NO_POSE_ERROR)
@@ -114,7 +114,7 @@ def test_two_sources_and_array_errors_are_estimated() -> None:
 
 
 def test_second_solve_equals_a_fresh_one() -> None:
-    """No state of a solve outlives it: an earlier one does not stop a later one early."""
+    """A solve leaves no state behind that could stop a later solve early."""
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02, pattern=0.1))
     pulses = detected(modelled(STATE), 1e-2, 10.0 * np.arange(40))
 

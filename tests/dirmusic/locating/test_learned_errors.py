@@ -12,7 +12,7 @@ from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.rules import LocatingRules
 from tests.dirmusic.scenes import NO_POSE_ERROR, RING, SPREAD, around, detected, drawn_errors, received, with_bearings
 
-RING_M = np.column_stack([np.zeros((6, 2)), np.full(6, 1.5)])  # as small as the far field of `pulses_of` has it
+RING_M = np.column_stack([np.zeros((6, 2)), np.full(6, 1.5)])  # no extent, as in the far field of `pulses_of`
 ARRAY = ArrayModel(manifold=RING, positions_m=RING_M, spread=replace(SPREAD, unexplained=UNEXPLAINED))
 SOURCE_M = np.array([0.0, 0.0, 1.5])
 FLOOR = 0.02
@@ -23,7 +23,7 @@ def pulses_of(
 ) -> tuple[PulseBatch, FloatArray]:
     """Make pulses of a source at the origin, 10 s apart, from places around it at headings within a turn, and poses.
 
-    What the model leaves unexplained is as large as it assumes.
+    The errors that the model does not explain are as large as it assumes.
     """
     bearing = rng.uniform(-np.pi, np.pi, n)
     place_m = -rng.uniform(3.0, 8.0, (n, 1)) * np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -38,7 +38,7 @@ def fitted(pulses: PulseBatch, pose: FloatArray, array: ArrayModel = ARRAY) -> J
 
 
 def learned(errors: ElementErrors, rng: np.random.Generator, array: ArrayModel = ARRAY) -> EstimatedErrors:
-    """Return the errors that are learned from 24 pulses."""
+    """Return the errors that the fit estimates from 24 pulses."""
     return fitted(*pulses_of(errors, 24, rng), array).errors
 
 
@@ -57,7 +57,7 @@ def test_learned_errors_agree_with_their_covariance() -> None:
         miss = found.state[:12] - np.concatenate([errors.gain, errors.pointing_rad])
         squares.append(miss @ np.linalg.solve(found.covariance[:12, :12], miss))
     # chi-square of 12 degrees: median 11.3, of 100 with a deviation of 0.6; 95 % below 21.03. The step in the pattern
-    # of the paper, where an element receives least, throws a few of a hundred fits off: the mean says nothing.
+    # of the paper, where an element receives least, spoils a few fits in a hundred, so the mean is not meaningful.
     assert 9.5 < np.median(squares) < 13.1
     assert np.mean(np.array(squares) < 21.03) >= 0.86
 
@@ -69,7 +69,7 @@ def test_learning_in_two_halves_equals_learning_at_once() -> None:
     both = fitted(pulses.take(slice(24, 48)), pose[24:], replace(ARRAY, errors=first.errors)).errors
     at_once = fitted(pulses, pose).errors
     std = np.sqrt(np.diag(at_once.covariance)[:12])
-    # the halves do not know that their source is the same: they have learned its place, too, from half of the pulses
+    # each half also estimates the source position from its own pulses, without knowing that the source is the same
     np.testing.assert_allclose(both.state[:12], at_once.state[:12], atol=0.5 * std.max())
     np.testing.assert_allclose(np.sqrt(np.diag(both.covariance)[:12]), std, rtol=0.25)
     np.testing.assert_allclose(correlation(both), correlation(at_once), atol=0.15)
@@ -126,9 +126,9 @@ def test_bearings_solver_refuses_known_errors() -> None:
 
 
 def locate_source(*, is_on_air: bool) -> tuple[Locator, FloatArray]:
-    """Drive over 80 degrees around a source, with or without a transmitter; Locator and confirmed position.
+    """Drive over 80 degrees around a source, with or without a transmitter; return Locator and confirmed position.
 
-    That stands beyond the fence, and is polarised so that the elements receive it as no pattern has it.
+    The transmitter stands beyond the fence, and its polarisation makes the elements receive it as no pattern predicts.
     """
     as_polarised = ElementErrors(
         gain=0.3 * np.array([1, -1, 1, -1, 1, -1]),

@@ -36,7 +36,7 @@ def make_locator(**options: Any) -> Locator:  # noqa: ANN401
 
 
 def update(locator: Locator, time_s: float, pose: np.ndarray, strengths: np.ndarray) -> tuple[Finding, ...]:
-    """Give a Locator the credible ones of pulses of strengths (n, 6), with their likeliest directions."""
+    """Pass the credible pulses among strengths (n, 6) to a Locator, with their most likely directions."""
     variance = strength_variance(strengths, NOISE_V**2, 60)
     pulses = with_bearings(PulseBatch.detected(np.zeros(len(strengths)), strengths, variance))
     credible = is_credible(pulses, ARRAY, np.zeros(pulses.n_pulses), CredibilityRules())
@@ -86,7 +86,7 @@ def test_single_line_of_bearings_never_confirms() -> None:
 
 
 def test_two_simultaneous_sources_are_two_findings() -> None:
-    """Each with the pulses of its own source, apart from those in line with both."""
+    """Each finding has the pulses of its source, except pulses in line with both sources."""
     sources = np.add(SOURCE_M, [(-6.0, 0.0), (6.0, 0.0)])
     locator, _ = listen_along(around(SOURCE_M, 8.5, 0, 350, 150), sources, seed=3)
     assert len(locator.findings) == 2
@@ -153,7 +153,7 @@ def detect_image_and_source(map_sight: LineOfSight | None) -> list[Finding]:
 
 
 def test_mirror_image_behind_equipment_is_not_confirmed() -> None:
-    assert len(detect_image_and_source(None)) == 2  # without a map both are as good
+    assert len(detect_image_and_source(None)) == 2  # without a map both are equally likely
     (by_map,) = detect_image_and_source(across_the_wall)
     np.testing.assert_allclose(by_map.position_m[:2], [12.0, 8.0], atol=0.3)
     assert by_map.level_db == pytest.approx(20 * np.log10(0.8) + 20 * np.log10(np.sqrt(2.87)), abs=1.5)

@@ -1,4 +1,4 @@
-"""Pulses from one place and direction, pooled: what noise leaves of them, and which ones there are."""
+"""Pooled pulses from one place and direction: their noise, and which pulses are pooled."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Positions where the pattern off the plane is another than the robot believes: the computed helix, its cut known."""
+"""Positions when only the horizontal cut of the pattern is known: computed helices, which differ off the plane."""
 
 from functools import cache
 
@@ -84,12 +84,12 @@ def test_fit_from_below_the_array_ends_above_ground(seed: int) -> None:
 
 
 def test_pattern_error_cancels_around_a_source() -> None:
-    """A circle that keeps the source in one direction of the array."""
+    """The robot drives a circle that keeps the source in one direction of the array."""
     at_rad = 2 * np.pi * np.arange(N_POSES) / N_POSES
     pose = np.column_stack([3.0 * np.cos(at_rad), 3.0 * np.sin(at_rad), at_rad + np.radians(110.0)])
     fixes = [locate(np.random.default_rng(11), pose, np.array([0.0, 0.0, 1.6]), error) for error in (0.0, 0.02)]
     exact_m, uncertain_m = (ellipse95(fix.covariances_m2[0, :2, :2]).semi_major_m for fix in fixes)
-    assert uncertain_m < 6.0 * exact_m  # as noise of its direction: 15 times
+    assert uncertain_m < 6.0 * exact_m  # 15 times if it were noise of the direction
 
 
 @pytest.mark.parametrize("elevation_deg", [10.0, 20.0, 30.0, 40.0, 45.0])
@@ -107,7 +107,7 @@ def test_bearing_errors_off_the_plane_agree_with_deviation(elevation_deg: float)
 
 
 def test_ellipse_coverage_with_pattern_error() -> None:
-    """Drives past a source whose elements have another pattern than the fit assumes."""
+    """The robot drives past a source with elements whose pattern differs from the one that the fit assumes."""
     error_m, coverage = {}, {}
     for pattern_error in (0.0, 0.02):
         miss_m, inside = [], []

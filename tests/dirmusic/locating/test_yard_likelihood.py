@@ -1,4 +1,4 @@
-"""Likelihood over the yard: peaks where sources are, by pulses alone."""
+"""Likelihood over the yard: its peaks are at the sources, from pulses alone."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_pulse_adds_likelihood_only_where_it_points() -> None:
 def test_likelihood_is_additive_over_batches() -> None:
     rng = np.random.default_rng(4)
     pulses = pulses_from(rng.uniform(-np.pi, np.pi, 30), 1.0)._replace(std_rad=np.full(30, 0.02))
-    pose = np.arange(30.0)[:, np.newaxis] * [0.6, 0.0, 0.0] + [0.1, 3.0, 0.0]  # no two of one place
+    pose = np.arange(30.0)[:, np.newaxis] * [0.6, 0.0, 0.0] + [0.1, 3.0, 0.0]  # every pulse from another place
     at_once, in_parts = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID), YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
     at_once.add(pulses, pose)
     for rows in (slice(0, 0), slice(0, 7), slice(7, 30)):

@@ -1,4 +1,4 @@
-"""Scenarios with hostile changes, as plain data and as TOML."""
+"""Scenarios with random invalid or extreme values, as plain data and as TOML."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Repeated inspections: the same discharges, grown over the weeks of the campaign."""
+"""Repeated inspections: the same discharges, which grow over the weeks of the campaign."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Errors in scenario files: one line each, with file, key, what must hold and what was given; and notes."""
+"""Error messages for scenario files, one line each with file, key, what must hold and what was given; and notes."""
 
 from copy import deepcopy
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The table [robot]: a robot by name or file, checked with the scenario and used by everything that follows."""
+"""The table [robot]: a robot by name or file, checked with the scenario and used throughout the simulation."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The shipped scenarios: imperfect arrays, reachable routes, and sites that can be seen from around."""
+"""The shipped scenarios: imperfect arrays, reachable routes, and sites that are visible over a wide angle."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def map_and_paths(scenario: Scenario) -> tuple[SiteMap, np.ndarray]:
 
 @pytest.mark.parametrize("name", shipped_scenarios())
 def test_site_is_in_sight_over_sixty_degrees(name: str) -> None:
-    """Seen from reachable ground less than 3.5 m away."""
+    """The views are from reachable ground less than 3.5 m away."""
     scenario = load_scenario(name)
     solids, n_pieces = solids_of(scenario.yard), len(scenario.yard.equipment)
     site_map, length_m = map_and_paths(scenario)

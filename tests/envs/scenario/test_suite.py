@@ -14,17 +14,17 @@ from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite, suite_
 FloatArray = NDArray[np.float64]
 
 NOT_FROZEN = {"estimator", "locating"}
-"""Tables that the files leave to the code."""
+"""Tables that the files omit, so that the defaults of the code apply."""
 
 
 def test_yards_of_version_1_keep_their_geometry() -> None:
-    """Equipment of the catalogue keeps its shape and sites, which the files leave to the code."""
+    """Shape and sites of catalogue equipment, which the files do not contain, must not change."""
     digest = hashlib.sha256()
     for each in suite_yards():
         yard = load_scenario(each.name).yard
         sites_m = [yard.site_position(name) for name in yard.site_names()]
         for numbers in (*yard.solid_columns().values(), np.array(sites_m)):
-            digest.update((np.round(np.asarray(numbers, dtype=np.float64), 6) + 0.0).tobytes())  # no -0
+            digest.update((np.round(np.asarray(numbers, dtype=np.float64), 6) + 0.0).tobytes())  # turns -0 into 0
     assert load_suite().version == 1
     assert digest.hexdigest() == "818337d1d344d41bd1b4e97cbdda1e75e5a57e6ab0fa219dc3e68f5375f7865a"
 

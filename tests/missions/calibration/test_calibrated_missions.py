@@ -15,7 +15,7 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 
 LOCATED_M = 0.3
-"""Semi-major axis of the 95 % ellipse at which a source counts as located."""
+"""Semi-major axis of the 95 % ellipse below which a source counts as located."""
 
 NEAR_M = 2.0
 """Distance from the source within which a finding belongs to it."""
@@ -57,7 +57,7 @@ def test_estimated_array_errors_match_the_truth(first: MissionLog) -> None:
     errors, truth = calibration_of(first).errors(), first.meta["truth"]["array"]
     pointing = np.array(truth["boresights_rad"]) - np.array(first.meta["array"]["boresights_rad"])
     miss = errors.state[:12] - np.concatenate([np.array(truth["gain_factors"]) - 1.0, pointing])
-    assert miss @ np.linalg.solve(errors.covariance[:12, :12], miss) < 26.2  # 99 % of chi-squares of 12 degrees
+    assert miss @ np.linalg.solve(errors.covariance[:12, :12], miss) < 26.2  # 99 % quantile, 12 degrees of freedom
     assert np.sqrt(np.diag(errors.covariance)[6:12].mean()) < np.radians(1.5)
 
 
@@ -86,7 +86,7 @@ def test_calibration_of_another_array_is_detected(first: MissionLog) -> None:
 
 
 def located_s(log: MissionLog) -> float:
-    """Return when the source was located; the end of the mission if never."""
+    """Return the time at which the source was located, or the end of the mission if it was not."""
     table, time_s = log.table("finding"), log.column("step", "time_s")
     source_m = np.array(log.meta["truth"]["sources"][0]["position_m"])
     for row in range(table["id"].size):
@@ -97,7 +97,7 @@ def located_s(log: MissionLog) -> float:
 
 
 def location_time_ratios(numbers: Sequence[int], limit_s: float) -> list[float]:
-    """Return the times with a calibration over those without, for the same pulses."""
+    """Return the ratios of the location times with and without a calibration, for the same pulses."""
     ratios: list[float] = []
     for number in numbers:
         learned = calibration_of(run_mission(scenario(number), "seek", seed=number))

@@ -1,4 +1,4 @@
-"""Synthetic inspection logs in free space, with discharges of known level and rate and no errors but noise."""
+"""Synthetic inspection logs in free space, with discharges of known level and rate, and noise as the only error."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ HEIGHT_M = 0.6
 STEP_S = 0.1
 MANIFOLD = GainManifold.ring(6)
 NOISE_V = 1e-3
-"""Noise of the strengths; the weakest valid pulse has five times as much, see `STD_RAD`."""
+"""Noise of the strengths; the weakest valid pulse is five times as strong, see `STD_RAD`."""
 
 STD_RAD = np.radians(12.0) * 5.0
-"""Standard deviation of a bearing, times the strength over the noise."""
+"""Standard deviation of a bearing, multiplied by the ratio of strength to noise."""
 
 
 DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23", "2026-03-30", "2026-04-06")
@@ -31,7 +31,7 @@ PLACE = (10.0, 10.0, 1.6)
 
 
 class SurveyedSource(NamedTuple):
-    """Position, median level of the pulses, its spread, rate and kind of a discharge; no kind is equal pulses."""
+    """Position, median level of the pulses, its spread, rate and kind of a discharge; no kind means equal pulses."""
 
     position_m: tuple[float, float, float]
     level_db: float = 0.0
@@ -63,7 +63,8 @@ def survey(
 ) -> MissionLog:
     """Return the log of a drive whose findings are the sources, with ids from 1 in their order.
 
-    The phase of the mains is unknown if `mains_hz` is NaN. Every pulse of some number can be associated as an echo.
+    The phase of the mains is unknown if `mains_hz` is NaN. If `echoes_every` is n > 0, every n-th pulse is associated
+    as multipath.
     """
     meta = {
         "name": name,
@@ -122,7 +123,7 @@ def inspections(logs: Iterable[MissionLog]) -> list[InspectionLog]:
 
 
 def growing(name: str = "survey") -> list[MissionLog]:
-    """Return surveys of four weeks that pass a discharge, which grows by 3 dB a week."""
+    """Return four weekly surveys that pass a discharge, which grows by 3 dB a week."""
     return [
         survey(PAST, SurveyedSource(PLACE, -20.0 + 3.0 * k, 2.0), day=day, seed=k, name=name)
         for k, day in enumerate(DAYS[:4])

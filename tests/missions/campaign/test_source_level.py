@@ -8,7 +8,7 @@ from tests.missions.campaign.surveys import PAST, PLACE, SurveyedSource, along, 
 
 
 def level_of(source: SurveyedSource, *drives: np.ndarray, **changes: np.ndarray) -> SourceLevel:
-    """Return the level of a source as the finding sees it, of which some attributes are changed."""
+    """Return the level of a source, estimated from its finding with some attributes changed."""
     (seen,) = inspections([survey(np.concatenate(drives), source)])
     level = source_level(seen, seen.findings[0]._replace(**changes))
     assert level is not None
@@ -22,18 +22,18 @@ def test_level_does_not_depend_on_distance_or_direction(range_m: float) -> None:
 
 
 def test_pulses_too_weak_to_trigger_do_not_raise_the_level() -> None:
-    """From 9 m half of the pulses are missing, and the median level of the others is 3 dB too high."""
+    """From 9 m, half of the pulses are not detected, and the median level of the others is 3 dB too high."""
     near, far = along((8.0, 7.0), (12.0, 7.0)), along((4.0, 1.0), (16.0, 1.0))
     source = SurveyedSource(PLACE, level_db=-27.0, spread_db=5.0, rate_hz=50.0)
     level = level_of(source, near, far)
     assert level.level_db == pytest.approx(-27.0, abs=1.0)
     assert abs(level.level_db + 27.0) < 3 * level.level_std_db
     assert np.exp(level.log_rate) == pytest.approx(50.0, rel=0.15)
-    assert level_of(source, far).level_db > -25.5  # far pulses alone do not determine it better
+    assert level_of(source, far).level_db > -25.5  # distant pulses alone are less accurate
 
 
 def test_time_spent_in_one_place_changes_neither_rate_nor_level() -> None:
-    """The finding has an error of a metre, so that the level differs between places."""
+    """The position of the finding is one metre off, so the level differs between places."""
     levels = [
         level_of(SurveyedSource(PLACE, rate_hz=40.0), *drives, position_m=np.array([9.0, 10.0, 1.6]))
         for drives in ((PAST,), (np.tile(PAST[:1], (600, 1)), PAST))

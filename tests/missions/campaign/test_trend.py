@@ -1,4 +1,4 @@
-"""Discharges are grown, constant, new or gone, and sites that were not inspected are neither."""
+"""Discharges are classified as grown, constant, new or gone, but not at sites that were not inspected."""
 
 from pathlib import Path
 
@@ -74,7 +74,7 @@ def test_discharge_is_new_only_if_its_site_was_inspected_before(drive: np.ndarra
 
 
 def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
-    """A table contains only what triggered; how long the receiver waited is unknown."""
+    """A table contains only pulses that triggered; the waiting time of the receiver is unknown."""
     logs = [*(both(day, -10.0) for day in DAYS[:3]), without_place(DAYS[3])]
     for log in logs:
         log.meta["field_data"] = {"file": "survey.csv"}

@@ -64,7 +64,7 @@ def test_simulation_uses_the_true_yard(wrong: str, right_drive: list[dict[str, A
 
 @pytest.mark.parametrize(("wrong", "x_m", "y_m"), [("missing", 12.0, (12.5, 21.5)), ("extra", 5.0, (5.5, 9.5))])
 def test_piece_on_the_map_hides_and_is_avoided(wrong: str, x_m: float, y_m: tuple[float, float]) -> None:
-    """Seen from both sides of a piece that only one of yard and map has."""
+    """A piece that exists only in the yard or only on the map stands between two points."""
     true, shown = SiteMap(RIGHT), SiteMap(mapped(**WRONG[wrong]))
     without, having = (shown, true) if wrong == "missing" else (true, shown)
     south, north = (np.array([x_m, y]) for y in y_m)

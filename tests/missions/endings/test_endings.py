@@ -1,4 +1,4 @@
-"""How commands end: signals, a full disk, closed output, missing libraries."""
+"""Exit of commands after signals, on a full disk, with closed output, and without optional libraries."""
 
 import signal
 import subprocess
@@ -38,7 +38,7 @@ with command_process(), output_folder(Path("folder"), "") as folder:
 
 
 def wait(seconds: str, tmp_path: Path, prefix: str = "") -> subprocess.Popen[str]:
-    """Start a process that waits with a file half written, and wait until it is ready."""
+    """Start a process that waits with a half-written file, and return when it is ready."""
     process = start_python(prefix + WAITS, seconds, cwd=tmp_path)
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"

@@ -1,4 +1,4 @@
-"""Output folders: never shared by two processes, and never overwritten. Files: complete or not there."""
+"""Output folders are never shared by two processes or overwritten; files are complete or absent."""
 
 import subprocess
 from pathlib import Path
@@ -23,7 +23,7 @@ with output_folder(Path(sys.argv[1]) if sys.argv[1] else None, "name") as folder
 
 
 def refusal(process: subprocess.Popen[str]) -> str:
-    """Return the one line of a refusal."""
+    """Return the single error line of a process that refuses to run."""
     _, errors = process.communicate()
     assert process.returncode == 2, errors
     (line,) = errors.splitlines()

@@ -1,4 +1,4 @@
-"""Files of field data: formats that mean the same, unusual units, and every way a file can be wrong."""
+"""Files of field data: equivalent formats, unusual units, and invalid files."""
 
 from collections.abc import Callable
 from contextlib import nullcontext

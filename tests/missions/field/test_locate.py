@@ -63,7 +63,7 @@ def located(folder: Path, rows: list[list[float]], fence_m: tuple[float, float] 
 
 
 def miss_m(report: Report, source_m: tuple[float, float, float] = SOURCE_M) -> float:
-    """Return the distance on plan from a source to the nearest finding."""
+    """Return the horizontal distance from a source to the nearest finding."""
     return min((np.hypot(*np.subtract(each.position_m, source_m)[:2]) for each in report.findings), default=np.inf)
 
 
@@ -129,7 +129,7 @@ def test_dead_channel_is_noted_and_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_one_source_of_a_long_survey_is_one_finding(tmp_path: Path, seed: int) -> None:
-    """A new source is fitted before its pulses make several findings."""
+    """The first fit comes before the pulses of a new source make several findings."""
     corners_m = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 15.0], [0.0, 15.0], [0.0, 0.0]])
     side_m = np.array([0.0, 20.0, 35.0, 55.0, 70.0])
     along_m = (0.2 * np.arange(4000)) % 70.0

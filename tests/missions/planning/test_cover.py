@@ -1,4 +1,4 @@
-"""Covers: every target over its aperture, from few places."""
+"""Covers detect every target over its aperture from few places."""
 
 from itertools import combinations
 
@@ -45,7 +45,7 @@ def test_cover_is_complete_and_nearly_smallest(needed_deg: float) -> None:
         needed_rad = np.minimum(coverage(detectability, everywhere)[:, 0], np.radians(needed_deg))
         chosen = cover(detectability, everywhere, needed_rad)
         assert covers_all(detectability, chosen, needed_rad)
-        fewer = range(int(chosen.size * (1 - GAP)))  # beyond the gap of the search
+        fewer = range(int(chosen.size * (1 - GAP)))  # fewer than the optimality gap allows
         assert not any(
             covers_all(detectability, np.array(some, dtype=np.intp), needed_rad)
             for n in fewer

@@ -25,7 +25,7 @@ NEEDED_RAD, WITHIN_M = np.radians(60.0), 8.0
 
 
 def aperture_of(plan: Plan, site_m: FloatArray, from_m: FloatArray) -> float | None:
-    """Return the aperture of the places (n, 2) from which a site is in sight and near enough; None without any."""
+    """Return the aperture of the places (n, 2) from which a site is in sight and near enough, or None."""
     away_m = from_m - site_m[:2]
     sees = (np.linalg.norm(away_m, axis=-1) <= WITHIN_M) & plan.site_map.in_sight(from_m, site_m, 0.0)
     return aperture(np.arctan2(away_m[sees, 1], away_m[sees, 0])) if sees.any() else None
@@ -49,7 +49,7 @@ def check(plan: Plan) -> None:
 
 
 def covers_enough(plan: Plan, cells: IntArray) -> bool:
-    """Return True if some cells cover each site as the plan requires."""
+    """Return True if the given cells cover each site as the plan requires."""
     where = plan.detectability
     return bool((coverage(where, where.columns(cells)) >= plan.required - 1e-6).all())
 

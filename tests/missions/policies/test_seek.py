@@ -1,4 +1,4 @@
-"""How long a candidate is pursued, and from how near it is viewed."""
+"""Duration of the pursuit of a candidate, and the distance from which it is viewed."""
 
 import numpy as np
 import pytest

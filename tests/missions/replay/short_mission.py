@@ -1,4 +1,4 @@
-"""Missions that end after some seconds, and copies of their logs."""
+"""Missions that end after a few seconds, and copies of their logs."""
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog

@@ -8,7 +8,7 @@ BLOCKS = {"td", "th", "dt", "dd", "p", "h1", "h2", "h3"}
 
 
 class PageReader(HTMLParser):
-    """Elements, text and errors of nesting of a page.
+    """Elements, text and nesting errors of a page.
 
     Args:
         source: Text of the page.

@@ -48,7 +48,7 @@ def test_schema_and_reader_refuse_broken_reports(validator: jsonschema.Draft2020
 
 
 def test_distance_does_not_use_the_true_pose() -> None:
-    """Everything an operator reads comes from the estimated pose, whatever the simulator knows."""
+    """Everything that an operator reads is computed from the estimated pose, not from the true one."""
     log = two_findings()
     other, step = MissionLog(log.meta), log.table("step")
     for row in range(log.n_rows("step")):

@@ -1,4 +1,4 @@
-"""Exhibits of the paper: drawn by their exact law, close to the printed numbers, and exceeded by the best method."""
+"""Tables and figures of the paper: exact distributions, numbers close to the printed ones, and a better best method."""
 
 import json
 from dataclasses import asdict
@@ -15,7 +15,7 @@ from pdpatrol.missions.reproduction.reproduce import PARTS, reproduce, write_rep
 from pdpatrol.missions.reproduction.simulation import GRID_DEG, N_RECORD, by_paper, draw_covariances
 
 SIMULATED = {
-    # facts.md, column "sim": another implementation of the same protocol, 36 000 trials a cell
+    # results of an independent implementation of the same protocol, 36 000 trials per cell
     "table1": [100.0, 100.0, 100.0, 98.94, 73.16],
     "table2": [100.0, 99.87, 98.60, 87.15, 48.88],
     "fig7": [1.4, 18.7, 57.2, 74.7, 81.9, 87.2],
@@ -74,7 +74,7 @@ def test_few_trials_are_close_to_the_paper() -> None:
     done = exhibits(200, 3)
     for name in ("table1", "table2", "fig5", "fig7"):
         for paper, row in printed_rows(done[name]):
-            assert value(row.paper_method) == pytest.approx(paper, abs=6.0)  # 2000 trials: 4.5 deviations
+            assert value(row.paper_method) == pytest.approx(paper, abs=6.0)  # 2000 trials: 4.5 standard deviations
     assert value(done["table1"].rows[-1].best_method) > value(done["table1"].rows[-1].paper_method) + 10
     widths = []
     for row in done["table3"].rows[-2:]:

@@ -1,4 +1,4 @@
-"""Predictions hold what they claim, and the verdict names the printed numbers that do not agree."""
+"""Prediction intervals have their stated coverage, and the verdict names the printed numbers that do not agree."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Draw = Callable[[np.random.Generator, int], FloatArray]
 
 
 def successes(share: float) -> Draw:
-    """Return draws of errors of 0 and 10 degrees."""
+    """Return a function that draws errors of 0 and 10 degrees."""
     return lambda rng, n: np.where(rng.random(n) < share, 0.0, 10.0)
 
 
@@ -39,7 +39,7 @@ def normal(rng: np.random.Generator, n: int) -> FloatArray:
     ("statistic", "figure", "draw", "most"),
     [
         (accuracy, lambda errors: 100.0 * np.mean(errors == 0.0), successes(0.73), 0.99),
-        (accuracy, lambda errors: 100.0 * np.mean(errors == 0.0), successes(0.9987), 1.0),  # counts are coarse
+        (accuracy, lambda errors: 100.0 * np.mean(errors == 0.0), successes(0.9987), 1.0),  # counts are discrete
         (mean, np.mean, normal, 0.99),
         (spread, np.std, normal, 0.99),
         (spread, np.std, lambda rng, n: rng.standard_t(7.0, n), 0.99),

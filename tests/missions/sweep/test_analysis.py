@@ -29,7 +29,7 @@ def coverage(estimates: list[Estimate], truth: float) -> float:
 
 @pytest.mark.parametrize(("n_clusters", "share"), [(20, 0.8), (90, 0.95)])
 def test_share_interval_covers_truth_for_correlated_sources(n_clusters: int, share: float) -> None:
-    """Sources of one mission succeed together (beta-binomial, correlation 0.5); Wilson's interval does not hold."""
+    """Sources of one mission succeed together (beta-binomial, correlation 0.5): Wilson's interval is too short."""
     rng, clustered, pooled = np.random.default_rng(1), list[Estimate](), list[Estimate]()
     for _ in range(1000):
         totals = rng.integers(1, 7, n_clusters)
@@ -68,7 +68,7 @@ def test_too_few_values_have_no_interval() -> None:
 
 
 def make_dataset(folder: Path, penalty_m: float) -> Dataset:
-    """Make missions whose errors depend on the seed, and by `penalty_m` each on noise and policy."""
+    """Make missions whose errors depend on the seed, and grow by `penalty_m` with more noise and with `patrol`."""
     grid = {"receiver.noise_v": [1e-3, 2e-3]}
     plan = make_plan(["one_source"], ["seek", "patrol"], grid, range(N_SEEDS))
     dataset = Dataset.open_or_make(folder, plan)
@@ -84,7 +84,7 @@ def make_dataset(folder: Path, penalty_m: float) -> Dataset:
 
 
 def test_intervals_over_yards_are_wider_than_over_missions() -> None:
-    """Ten missions found all in one yard and nothing in another: two yards say little about other yards."""
+    """Ten missions find all sources in one yard and none in another: two yards say little about other yards."""
     found = [1] * 10 + [0] * 10
     missions = pd.DataFrame({"key": range(20), "scenario": found, "n_found": found, "n_sources": 1})
     over_missions, over_yards = (percentage_of(missions, by, "n_found", "n_sources") for by in ("key", "scenario"))
@@ -108,7 +108,7 @@ def test_difference_smaller_than_the_spread_is_found(sides: tuple[str, str], dat
     assert len(first) == 2 * N_SEEDS
     assert first["seed"].tolist() == second["seed"].tolist()
     error = next(each for each in compare(first, second) if each.name == "error (m)")
-    assert error.n == N_SEEDS  # missions of one seed meet the same emissions
+    assert error.n == N_SEEDS  # missions with the same seed have the same emissions
     assert error.change.value == pytest.approx(0.02, abs=1e-9)
     assert error.p < 0.001
 

@@ -1,4 +1,4 @@
-"""A sweep on Ray gives the same rows as on local processes, also if a node is killed."""
+"""A sweep on Ray gives the same rows as in local processes, even if a node is killed."""
 
 import os
 import signal

@@ -78,7 +78,7 @@ def test_killed_sweep_continues_to_the_same_rows(engine: str, n_missions: int, n
 
 @pytest.mark.parametrize("engine", ["pool", pytest.param("ray", marks=[pytest.mark.slow, needs_ray])])
 def test_mission_that_fails_hangs_or_dies_is_a_row(engine: str, folder: Path) -> None:
-    """Ray gives the rows and the output of the pool."""
+    """Ray gives the same rows and the same output as the pool."""
     policies = [f"own.py:{name}" for name in ("Stands", "Raises", "Hangs", "Eats", "Dies")]
     limits = "--wall-limit-s", "30" if engine == "ray" else "10", "--memory-gb", "1"
     words = ["--seeds", "0", "--policy", *policies, *limits]

@@ -41,7 +41,7 @@ def levels(paths: RayPaths, target: Vector) -> FloatArray:
 
 
 def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
-    """At random places where one edge is 10 dB stronger: within 3 degrees of that edge, not of the source."""
+    """At random places where one edge is 10 dB stronger, the bearing is within 3 degrees of that edge."""
     rng, off_edge_rad, off_source_rad, by_geometry_rad = np.random.default_rng(7), [], [], []
     for seed in range(300):
         length_m, width_m, height_m = rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0))
@@ -91,7 +91,7 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
 
 
 def field_along(surroundings: Surroundings, source: FloatArray, at: FloatArray) -> NDArray[np.complex128]:
-    """Return the sum of all paths in six antennas at points (n, 2), over that 1 m from the source."""
+    """Return the sum of all paths in six antennas at points (n, 2), relative to the field 1 m from the source."""
     axis, found = np.array([[0.3, 0.4, 0.866]]), np.empty((len(at), 6), np.complex128)
     for i, (x, y) in enumerate(at):
         target = Vector(x, y, 0.6)
@@ -105,7 +105,7 @@ def field_along(surroundings: Surroundings, source: FloatArray, at: FloatArray) 
 
 
 def test_field_is_continuous_into_shadow_and_out() -> None:
-    """The change shrinks to a quarter with steps of a quarter, or is below 1 % of the strongest."""
+    """With steps a quarter as long, changes shrink to a quarter, or are below 1 % of the strongest field."""
     source, surroundings = np.array([8.0, 13.0, 1.4]), next_to_tank(3.0, 2.0, 3.2, 0.4)
     for start, end in (((13.0, 3.0), (18.0, 20.0)), ((19.0, 3.0), (16.5, 21.0)), ((8.0, 6.0), (21.0, 9.0))):
         share = np.arange(0.0, 1.0, 0.004 / np.hypot(end[0] - start[0], end[1] - start[1]))[:, np.newaxis]

@@ -34,7 +34,7 @@ def line(*points: float) -> np.ndarray:
     ("start", "end", "expected"),
     [
         ((21.02, 10.0, 1.5), (15.0, 10.0, 1.0), [True, False]),  # from a source on the tank through it
-        ((21.02, 10.0, 1.5), (25.0, 10.0, 1.0), [False, False]),  # on the source's own side
+        ((21.02, 10.0, 1.5), (25.0, 10.0, 1.0), [False, False]),  # on the same side as the source
         ((21.02, 10.0, 1.5), (21.02, 10.0, 1.5), [False, False]),  # at the source itself
         ((5.0, 10.0, 1.0), (19.0, 10.0, 1.0), [False, False]),  # up to a face
         ((19.0, 5.0, 1.0), (19.0, 15.0, 1.0), [False, False]),  # along a face
@@ -85,7 +85,7 @@ def test_sight_is_zero_behind_metal_and_clear_elsewhere(seed: int) -> None:
         crossed = cross(places, np.tile(target, (500, 1)), solids_of(yard), len(yard.equipment))
         passes = [1.0 if transmits(item.kind) else 0.0 for item in yard.equipment]
         assert (shares[(crossed & (np.array(passes) == 0.0)).any(axis=1)] == 0.0).all()  # behind metal, nothing
-        assert (shares[~crossed.any(axis=1)] > 0.3).all()  # beside all, at most the rim of what is lossy
+        assert (shares[~crossed.any(axis=1)] > 0.3).all()  # past all pieces, only rims of lossy ones
 
 
 def transmits(kind: str) -> bool:

@@ -19,7 +19,7 @@ Place = tuple[float, float]
 
 
 def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> complex:
-    """Return the field of a line source near a cylinder at the origin over that in free space, by a Bessel series."""
+    """Return the ratio of a line source's field near a cylinder at the origin to that in free space (Bessel series)."""
     n = np.arange(int(K * radius_m) + 60)
     turn = np.arctan2(target[1], target[0]) - np.arctan2(source[1], source[0])
     ratio = jv(n, K * radius_m) / hankel2(n, K * radius_m) if is_soft else jvp(n, K * radius_m) / h2vp(n, K * radius_m)
@@ -33,7 +33,7 @@ def around(radius_m: float) -> Surroundings:
 
 
 def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], FloatArray]:
-    """Return the fields of all paths over that in free space, half way up, and their origins (n, 2)."""
+    """Return the fields of all paths relative to free space, at half height, and their origins (n, 2)."""
     source_m, z = np.array([[*source, 0.5 * TOP_M]]), 0.5 * TOP_M
     upright, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
     found = find_ray_paths(source_m, upright, none, Vector(*target, z), around(radius_m))
@@ -45,7 +45,7 @@ def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.comp
 
 @pytest.mark.parametrize("radius_m", [0.3, 0.42, 0.8, 1.5])
 def test_field_behind_cylinder_is_between_polarisations(radius_m: float) -> None:
-    """Within 3 dB, and 8 dB where two ways around it cancel; the box that stands for it ignores polarisation."""
+    """Within 3 dB, or 8 dB where the two paths around it cancel; the box that represents it ignores polarisation."""
     off_db: list[float] = []
     for y in np.linspace(-1.2 * radius_m, 1.2 * radius_m, 41):
         source, target = (-8.0, 0.0), (6.0, float(y))
@@ -58,7 +58,7 @@ def test_field_behind_cylinder_is_between_polarisations(radius_m: float) -> None
 
 @pytest.mark.parametrize("radius_m", [0.3, 0.42, 0.8, 1.5])
 def test_field_past_cylinder_matches_exact_solution(radius_m: float) -> None:
-    """In the light: direct, diffracted and reflected waves together, vertical polarisation, within 2 dB."""
+    """Outside the shadow, direct, diffracted and reflected waves together are within 2 dB (vertical polarisation)."""
     for y in np.linspace(3.5 * radius_m, 3.5 * radius_m + 3.0, 25):
         source, target = (-8.0, 0.0), (6.0, float(y))
         expected_db = 20 * np.log10(abs(exact(radius_m, source, target, is_soft=True)))
@@ -68,7 +68,7 @@ def test_field_past_cylinder_matches_exact_solution(radius_m: float) -> None:
 @pytest.mark.parametrize("radius_m", [0.42, 0.8, 1.5])
 @pytest.mark.parametrize("degrees", [70.0, 90.0, 110.0])
 def test_cylinder_reflection_matches_exact_solution(radius_m: float, degrees: float) -> None:
-    """Both polarisations within 2 dB, the accuracy of optics; a wave from a point falls off faster than from a line."""
+    """Both polarisations are within 2 dB, the accuracy of ray optics; a point source falls off faster than a line."""
     source = (-4.0, 0.0)
     target = (-4.0 * np.cos(np.radians(degrees)), -4.0 * np.sin(np.radians(degrees)))
     fields, from_m = rays(radius_m, source, target)

@@ -22,7 +22,7 @@ def straight_paths(link: Link, axis: Vector, *, second_order: bool) -> tuple[Ray
 
 
 def check_ratios(ratios: list[complex]) -> FloatArray:
-    """Check phases and levels of our paths over Sionna's, and return the levels."""
+    """Check phases and levels of our paths relative to Sionna's, and return the levels."""
     level, phase = decibels(np.array(ratios)), np.degrees(np.abs(np.angle(ratios)))
     assert np.median(np.abs(level)) < 0.01
     assert level.max() < 0.1
@@ -32,7 +32,7 @@ def check_ratios(ratios: list[complex]) -> FloatArray:
 
 @AXES
 def test_direct_and_reflected_paths_match_sionna_rt(axis: Vector) -> None:
-    """All strong paths by one face, or by one and the ground; others only past an edge."""
+    """All strong paths by one face, or by one face and the ground, match; we have others only past edges."""
     n_past_edges, n_by_both, ratios = 0, 0, list[complex]()
     for link in links():
         ours, length_m = straight_paths(link, axis, second_order=False)

@@ -1,6 +1,7 @@
 """Links of the Sionna RT reference, see `make_reference.py`, and our own rays around its edges.
 
-Sionna's matrices are in spherical coordinates: theta, which is down for level rays, and phi, counterclockwise on plan.
+Sionna's matrices are in spherical coordinates: theta, which is down for level rays, and phi, counterclockwise from
+above.
 """
 
 import json
@@ -36,14 +37,14 @@ Matrix = NDArray[np.complex128]
 
 
 class SionnaPath(NamedTuple):
-    """Path as Sionna RT finds it.
+    """Path found by Sionna RT.
 
     Attributes:
         kind: "direct", "reflection" or "edge".
         owners: Box that each point lies on, or "ground".
         points: Points of reflection or diffraction.
         delay_ns: Travel time.
-        matrix: Polarisation matrix over the amplitude at 1 m, real and imaginary parts.
+        matrix: Polarisation matrix relative to the amplitude at 1 m, real and imaginary parts.
     """
 
     kind: str
@@ -54,7 +55,7 @@ class SionnaPath(NamedTuple):
 
     @property
     def polarisation(self) -> Matrix:
-        """Polarisation matrix over the amplitude at 1 m, shape (2, 2)."""
+        """Polarisation matrix relative to the amplitude at 1 m, shape (2, 2)."""
         parts = np.reshape(self.matrix, (2, 2, 2))
         return parts[..., 0] + 1j * parts[..., 1]
 
@@ -71,7 +72,7 @@ class Link(NamedTuple):
         return [path for path in self.paths if path.kind == kind and len(path.owners) == order]
 
     def received(self, path: SionnaPath, axis: Vector) -> complex:
-        """Return what a circular antenna receives of a source with an axis of polarisation, as of our `received`."""
+        """Return the signal of a circular antenna from a source with a polarisation axis, as our `received` does."""
         ray = towards(self.source, Vector(*path.points[0]) if path.points else self.receiver)
         sent = np.array([dot(axis, across) for across in spherical(ray)])
         theta, phi = path.polarisation @ (sent / np.linalg.norm(sent))
@@ -120,7 +121,7 @@ def delay_ns(length_m: ArrayLike) -> FloatArray:
 
 
 class Bend(NamedTuple):
-    """Ray around an edge: directions, length, and the amplitudes of the component along an endless edge."""
+    """Ray around an edge: directions, length, and the amplitudes of the component along an infinite edge."""
 
     edge: Vector
     arrives: Vector
@@ -147,7 +148,7 @@ class Bend(NamedTuple):
 
 
 def bend_at(link: Link, point: list[float]) -> Bend:
-    """Return the ray around the edge that a point is on and that both ends see."""
+    """Return the ray around the edge that contains a point and is visible from both ends."""
     obstacles = link.around.obstacles
     for box in (solid_of(obstacles[k]) for k in range(obstacles.size)):
         for family, number in ((f, n) for f in range(3) for n in range(4 if f == 0 else 2)):

@@ -1,25 +1,25 @@
 """Trace the links of `reference.json` again with Sionna RT: three yards of metal boxes on concrete ground.
 
-Not a dependency of the project. By hand, with Python 3.11, in an environment of its own:
+Sionna RT is not a dependency of the project. Run this by hand with Python 3.11 in a separate environment:
 
-    pip install sionna-rt==2.2.0            # wants LLVM: apt install libllvm19
+    pip install sionna-rt==2.2.0            # needs LLVM: apt install libllvm19
     DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM-19.so python make_reference.py
 
 It keeps the boxes, sources and receivers of the file, and writes direct paths, reflections of first and second order,
-ground included, and diffraction at one edge. Two runs write the same bytes. Four seeds with 200 000 to 2 000 000 rays
-find the same paths, except for two edges of a box of which the source lies in the plane of a face.
+including the ground, and diffraction at one edge. Two runs write the same bytes. Four seeds with 200 000 to 2 000 000
+rays find the same paths, except for two edges of a box that has a face in one plane with the source.
 
-**Boxes** have no lower face, and their faces share corners: Sionna finds edges between adjacent triangles, and none at
-the ground, where upright edges end. Of the edges of turned boxes that both ends see, it omits some behind which the ray
-leaves along the face that it arrived on.
+**Boxes** have no lower face, and their faces share corners: Sionna finds edges between adjacent triangles, but not at
+the ground, where upright edges end. Of the edges of rotated boxes that are visible from both ends, it omits some behind
+which the ray leaves along the face that it arrived on.
 
-**Ground**: a slab. Its far side is 2 m down, and the wave loses 200 dB on its way there and back, so that it acts as a
-half-space. With Sionna's default of 0.1 m, up to 2 dB of the reflection would come from below.
+**Ground**: a slab. Its lower side is 2 m down, and the wave loses 200 dB on the path there and back, so that the slab
+acts as a half-space. With Sionna's default of 0.1 m, the lower side would change the reflection by up to 2 dB.
 
-**Matrices** are in the bases of spherical coordinates, theta (down, for level rays) and phi (counterclockwise on plan),
-of the direction in which source and receiver see the ray, as for `iso` antennas `V` and `H` of the model `tr38901_2`. A
-row for what is received, a column for what is sent: for a direct path, [[1, 0], [0, -1]] over its length. Waves vary as
-exp(+j omega t); the phase exp(-2 pi j f delay) of the path is not in the matrix.
+**Matrices** are in the bases of spherical coordinates, theta (down, for level rays) and phi (counterclockwise from
+above), of the direction in which source and receiver see the ray, as for `iso` antennas `V` and `H` of the model
+`tr38901_2`. Rows are received components, columns are sent ones: for a direct path, [[1, 0], [0, -1]] over its length.
+Waves vary as exp(+j omega t); the phase exp(-2 pi j f delay) of the path is not in the matrix.
 
 **Edges**: this version inverts the sign of the reflections by the faces of a wedge. For a conductor it has
 R_0 (D1 - D4) + R_n (D2 - D3), with R = 1 along the edge and -1 across it, and R_n = -1 for a face in the shadow;
@@ -43,7 +43,7 @@ from dirmusic.arrays import FloatArray
 
 FREQUENCY_HZ = 1.75e9
 AT_1M = 4 * np.pi * FREQUENCY_HZ / 299_792_458.0
-"""Factor from the coefficient of a path to its amplitude over that at 1 m."""
+"""Factor from the coefficient of a path to its amplitude relative to that at 1 m."""
 GROUND_M = 2.0
 N_RAYS, SEED = 1_000_000, 1
 DIFFRACTION = 8
