@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 MAY_IMPORT = {
     "dirmusic": set(),
     "sensing": {"dirmusic"},
-    "robot_models": {"dirmusic.compiled"},
+    "robot_models": {"dirmusic.arrays", "dirmusic.compiled"},
     "envs": {"sensing", "dirmusic", "robot_models"},
     "missions": {"envs", "sensing", "dirmusic", "robot_models"},
 }
