@@ -20,7 +20,10 @@ Settings = Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(n
 
 
 def call_verb(function: Callable[..., None], arguments: Sequence[str]) -> None:
-    """Parse arguments and call the function of a verb; on invalid input, print one line per error and exit with 2."""
+    """Parse arguments and call the function of a verb.
+
+    Invalid input prints one line per error and exits with status 2.
+    """
     prog = f"pdpatrol {function.__name__}"
     checked = validate_call(config=ConfigDict(revalidate_instances="always"))(function)
     try:

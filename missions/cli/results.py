@@ -23,7 +23,7 @@ def results(
 ) -> None:
     """Summarise the datasets of sweeps: a line for each scenario or level, policy and setting, with 95 % intervals.
 
-    The intervals resample whole missions: they hold for other seeds in the same yards.
+    The intervals come from resampling whole missions, so they are valid for other seeds in the same yards.
 
     Args:
         folder: Folder of the dataset, or of several, which are read as one.

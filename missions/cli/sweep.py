@@ -110,7 +110,7 @@ def sweep(
 
 
 def _ascending(option: str, text: str, pattern: str, expected: str) -> tuple[int, int]:
-    """Parse one or two whole numbers, of which the second must not be less than the first, or refuse the option."""
+    """Parse one or two integers, of which the second must not be less than the first, or refuse the option."""
     match = re.fullmatch(pattern, text)
     first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
     if last < first:

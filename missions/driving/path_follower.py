@@ -24,7 +24,7 @@ TURN_SPEED_MPS = 0.2
 
 
 class PathFollower:
-    """Driver to one goal, which is given up if it is unreachable or the drive takes too long.
+    """Controller that drives to one goal, and gives it up if it is unreachable or the drive takes too long.
 
     Args:
         site_map: Map of free ground.
@@ -78,7 +78,8 @@ class PathFollower:
     def is_over(self, pose: FloatArray, time_s: float) -> bool:
         """Return True if the goal is reached, cannot be reached according to the plan, or has taken too long.
 
-        A goal that only a detected obstacle blocks is not given up at once: the path leads as near to it as possible.
+        A goal that is blocked only by a detected obstacle is not given up immediately: the path then leads as near to
+        it as possible.
         """
         is_hopeless = not self.is_reachable and not self.site_map.obstacles_m.size
         return self.has_arrived(pose) or is_hopeless or time_s > self.deadline_s

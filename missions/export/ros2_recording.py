@@ -181,7 +181,7 @@ def _yard_markers(meta: Mapping[str, Any], header: Content) -> list[Content]:
 
 
 def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
-    """Return point, name and 95 % ellipse of a finding; nothing for ghosts and dropped findings."""
+    """Return point, name and 95 % ellipse of a finding; nothing for multipath ghosts and dropped findings."""
     number, state, place_m = int(row["id"]), str(row["state"]), row["position_m"]
     if state not in COLOURS:
         return []

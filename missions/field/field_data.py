@@ -68,8 +68,8 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     Args:
         path: The table.
         noise_v: Standard deviation of a strength, or of a noise sample of a waveform, volts. Not needed where the table
-            has deviations, or where waveforms hold noise outside the gate.
-        gate_s: Length of the gate, which is cut out of a waveform where it holds most energy; the default is for a
+            has deviations, or where waveforms contain noise outside the gate.
+        gate_s: Length of the gate, which is cut out of a waveform where its energy is largest; the default is for a
             pulse of 2.5 ns and a ring of 0.2 m.
 
     Raises:

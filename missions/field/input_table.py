@@ -57,7 +57,7 @@ def read_table(path: Path) -> InputTable:
     `sep=;` that Excel writes are skipped.
 
     Raises:
-        InputFileError: If the file cannot be read, is not UTF-8 text, or holds a cell that is not a number.
+        InputFileError: If the file cannot be read, is not UTF-8 text, or contains a cell that is not a number.
     """
     try:
         text = read_whole(path, 256 * 10**6).decode("utf-8-sig")  # about three million pulses

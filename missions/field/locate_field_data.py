@@ -58,8 +58,8 @@ def array_model(
         data: Pulses, with the numbers of the live channels.
         spread: Deviations of such arrays from their data sheet.
         pattern: Pattern of every element; None for eq. (1) of the Dir-MUSIC paper.
-        boresights_deg: Azimuth of each recorded channel's element; None for an evenly spaced ring, in which four
-            channels are the first four of six elements.
+        boresights_deg: Azimuth of each recorded channel's element; None for an evenly spaced ring; four channels are
+            taken as the first four of six elements.
         ring_radius_m: Radius of the ring.
         height_m: Height of the ring above the ground.
 

@@ -63,7 +63,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
     Args:
         table: The table; names of files are relative to its folder.
         noise_v: Standard deviation of a noise sample, volts; None to measure it in each channel outside the gates.
-        gate_s: Length of the gate, which is cut out of each waveform where it holds most energy.
+        gate_s: Length of the gate, which is cut out of each waveform where its energy is largest.
 
     Raises:
         InputFileError: If a file cannot be used, the files are inconsistent, or they contain no noise to measure.

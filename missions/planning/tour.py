@@ -125,7 +125,7 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
 
 
 class TourShortener:
-    """Shortener of tours, which moves and removes stops as long as the tour covers every target as required.
+    """Optimiser that shortens a tour by removing and moving stops, while it still covers every target as required.
 
     Args:
         detectability: Where targets are detectable from.

@@ -56,7 +56,7 @@ class Pursuit:
 
     @property
     def is_over(self) -> bool:
-        """True if more time would be wasted, or the 150 s (assumed) are spent that a candidate may take."""
+        """True if more time would be wasted or 150 s (assumed) are spent, which start again after the route."""
         return self.spent_s >= 150.0 or self.stagnant_s >= PATIENCE_S or self.undetected_s >= UNDETECTED_S
 
     def spend(self, target: Finding, time_s: float) -> None:
@@ -187,7 +187,8 @@ class Active(Seek):
         Information is summed along the whole path, except within 0.6 m of earlier places of the robot, where errors are
         the same. The previous path is kept while it takes at most 2 s longer (both assumed), because each change costs
         a turn. A candidate that is located accurately but not confirmed, or for which no path suffices, is viewed from
-        a new side. A new path must lead to 0.8 times `KNOWN_M` (assumed), because drives differ from plans.
+        a new side. A new path must be expected to lead to 0.8 times `KNOWN_M` (assumed), because drives differ from
+        plans.
         """
         if target.semi_major_m <= KNOWN_M:
             return super().viewpoint(target, views_m, pose, paths, site_map)

@@ -23,7 +23,7 @@ MIN_PATH_M = 0.5
 
 
 def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatArray:
-    """Return the mean position of a candidate over its possible distances from a pose (3,), inside the fence, (3,).
+    """Return the mean position (3,) of a candidate over its possible distances from a pose (3,), inside the fence.
 
     Bearings determine the inverse of a distance r: with a standard deviation s, 1 / r is normal with s / r^2, so a
     candidate that seems near may be far. The prior is uniform along the line of sight. The distance is at least 1 cm,

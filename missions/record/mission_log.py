@@ -174,7 +174,7 @@ class MissionLog:
         """Read `log.npz` in a mission's folder, or the parts of a killed mission.
 
         Raises:
-            FileNotFoundError: If the folder holds neither.
+            FileNotFoundError: If the folder contains neither.
             ValueError: If a file is damaged, is not a log, or has another schema.
         """
         files = [folder / "log.npz"]

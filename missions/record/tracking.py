@@ -107,7 +107,7 @@ class Tracker:
     def finish(self, mission: str, serial_number: int | None, before: ArrayCalibration | None) -> None:
         """Log at the end which finding each credible pulse belongs to, the likelihood, and the array's calibration.
 
-        Without new knowledge of the array, and for a user's Locator, there is no calibration.
+        No calibration is logged without new information on the array, or for a user's Locator.
 
         Args:
             mission: Name of the mission.

@@ -32,7 +32,7 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         "world/yard/sites": rr.Points3D(
             list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07], show_labels=False
         ),
-        # the camera of a view follows an entity only if it has a shape of its own; field data have no solids
+        # the camera of a view follows an entity only if it has its own shape; field data have no solids
         "world/robot": rr.Points3D([[0.0, 0.0, 0.3]], radii=[0.1], colors=[0xEBEBF0FF]),
         "world/robot/marker": rr.Arrows3D(
             origins=[[0.7, 0.0, 1.5]], vectors=[[2.0, 0.0, 0.0]], radii=[0.22], colors=[0x2896FFFF]

@@ -87,8 +87,8 @@ PHASES = {
 def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
     """Return the recommended action for a finding, its time frame, and the rule that led to them.
 
-    The rule of a kind applies from a confidence of 80 % on. A level of at least one volt at 1 m raises the urgency by
-    one step. Both are assumed.
+    The rule of a kind applies at a confidence of 80 % or more. A level of at least one volt at 1 m raises the urgency
+    by one step. Both are assumed.
     """
     discharge, strength = finding.discharge, finding.strength
     kind = discharge.kind if discharge is not None and discharge.confidence >= 0.8 else "unknown"

@@ -124,8 +124,9 @@ Summary = dict[str, "str | int | Estimate"]
 def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
     """Summarise a dataset: groups in the order of the plan, then all levels of a suite together.
 
-    The intervals resample missions: they hold for other seeds in the same yards, and where each yard has one seed, for
-    other yards of the same kind. With `pool` they resample yards, and always hold for other yards of the same kind.
+    The intervals come from resampling missions: they are valid for other seeds in the same yards and, where each yard
+    has one seed, for other yards of the same kind. With `pool`, they come from resampling yards and are always valid
+    for other yards of the same kind.
 
     Args:
         rows: Rows of the dataset.

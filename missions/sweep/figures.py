@@ -48,7 +48,7 @@ def missions_with_sources(rows: pa.Table) -> Frame:
 def _with_lines(missions: Frame, without: str = "") -> Frame:
     """Add a column `line` of policy and settings, except the setting `without`.
 
-    If these are the same for all missions, the column holds level or scenario instead, or an empty text if `without`
+    If these are the same for all missions, the column contains level or scenario instead, or an empty text if `without`
     is given.
     """
     lines: list[str] = []

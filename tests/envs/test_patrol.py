@@ -43,7 +43,7 @@ def test_docstring_table_matches_observation_space() -> None:
     pace=st.floats(-1.0, 1.0, width=32),
 )
 def test_observations_lie_in_their_space(name: str | int, seed: int, pace: float) -> None:
-    """Names select shipped scenarios, numbers select random yards with so many obstructions."""
+    """Names select shipped scenarios; numbers select random yards with that number of obstructions."""
     scenario = random_yard(seed, name) if isinstance(name, int) else load_scenario(name)
     env = PatrolEnv(scenario)
     observation, _ = env.reset(seed=seed)

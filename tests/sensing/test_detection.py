@@ -16,7 +16,7 @@ def wall_at(y_m: float) -> Rows:
 
 
 def tank_and_wall() -> Surroundings:
-    """Make a tank on the direct path with 25 dB of loss, and a wall whose echo is 22 dB above the direct path."""
+    """Make a tank on the direct path with 25 dB of loss, and a wall whose reflection is 22 dB above the direct path."""
     return around(25.0, wall_at(-3.75), wall_across(5.0, 0.5), wall=0.8)
 
 

@@ -21,7 +21,7 @@ START = datetime(2000, 1, 1)
 
 
 def sight_lines(case: Case) -> tuple[np.ndarray, ...]:
-    """Return times, places (n, 2), bearings in the world frame and their deviations, of the credible pulses."""
+    """Return times, positions (n, 2), world-frame bearings and their standard deviations, for the credible pulses."""
     rows = np.flatnonzero(credible(case, BEARINGS))
     record = PulseRecord(case.array, case.pose_error, None, BEARINGS.assignment)
     for step in np.unique(case.step[rows]):

@@ -57,7 +57,7 @@ def paths_between(
 
 
 def mirror(share: float) -> Material:
-    """Make a material that reflects a fixed share of every wave and transmits all of it."""
+    """Make a material that reflects a fixed fraction of every wave and also transmits the whole wave."""
     return Material.of_loss(1.0, 1e12, 0.0, share)
 
 
