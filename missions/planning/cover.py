@@ -30,7 +30,7 @@ def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray
     """Return how well some columns cover targets, shape (n_targets, 3).
 
     Args:
-        detectability: Where targets are detectable from.
+        detectability: Places from which targets are detectable.
         columns: Columns of `detectability`, without duplicates.
         targets: Mask of the targets, shape (n_targets,); by default all.
 
@@ -56,7 +56,7 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
     squares.
 
     Args:
-        detectability: Where targets are detectable from.
+        detectability: Places from which targets are detectable.
         clearance_m: Clearance of the cells, shape (n_cells,).
         required_rad: Aperture of each target that the candidates must offer, shape (n_targets,).
 
@@ -102,7 +102,7 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
     for all targets and all their columns j.
 
     Args:
-        detectability: Where targets are detectable from.
+        detectability: Places from which targets are detectable.
         columns: Columns to choose from.
         required_rad: Aperture that each target requires, at most that of all these columns, shape (n_targets,).
 

@@ -24,7 +24,7 @@ MARGIN_DB = 3.0
 
 
 class Detectability(NamedTuple):
-    """Where targets are detectable from; rows are targets, columns are reachable cells of the map.
+    """Places from which targets are detectable; rows are targets, columns are reachable cells of the map.
 
     Attributes:
         names: Names of the targets; `equipment/site`, or `air/NUMBER` on a map without sites.

@@ -128,7 +128,7 @@ class TourShortener:
     """Optimiser that shortens a tour by removing and moving stops, while it still covers every target as required.
 
     Args:
-        detectability: Where targets are detectable from.
+        detectability: Places from which targets are detectable.
         tours: Tours on the map.
         required: Coverage that a tour must offer, shape (n_targets, 3), as of `coverage`.
         is_stop: Mask of the columns of `detectability` that stops may be moved to, shape (n_cells,).

@@ -144,7 +144,7 @@ class FindingRecord(ReportPart):
     discharge: DischargeKind | None
     """Kind; null if the phase of the mains is not known."""
     strength: Strength | None
-    """Its pulses; null if the mission was killed."""
+    """Strength and rate of its pulses; null if the mission was killed."""
     n_bearings: Count
     """Pulses used to estimate the position."""
     first_detected_s: Number
@@ -154,7 +154,7 @@ class FindingRecord(ReportPart):
 
 
 class SiteInspection(ReportPart):
-    """How well one site of the map was inspected."""
+    """Inspection of one site of the map."""
 
     name: str
     """`equipment/site`."""
@@ -198,7 +198,7 @@ class SourceMatch(ReportPart):
     inside_ellipse95: bool
     """Whether the source lies inside the 95 % ellipse of the finding."""
     right_site: bool
-    """Whether the finding is nearer to the source than to any site."""
+    """Whether no site is nearer to the finding than the source is."""
 
 
 class ScoredSource(ReportPart):
@@ -209,7 +209,7 @@ class ScoredSource(ReportPart):
     true_position_m: Point
     """x, y, z, world frame, metres."""
     found: bool
-    """Whether a finding is paired with it."""
+    """Whether a finding is paired with the source."""
     match: SourceMatch | None
     """Comparison with that finding; null if the source was not found."""
 

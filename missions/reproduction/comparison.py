@@ -100,7 +100,7 @@ def one_draw(draws: FloatArray) -> Measured:
 
 @dataclass(frozen=True)
 class Row:
-    """One number of the paper next to ours.
+    """One number of the paper, compared with our results.
 
     Attributes:
         label: Name of the number.

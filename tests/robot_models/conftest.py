@@ -20,7 +20,7 @@ def crawler() -> OneRobot:
 
 @pytest.fixture(params=SHIPPED)
 def shipped(request: pytest.FixtureRequest) -> OneRobot:
-    """Each robot that comes with the package, in turn."""
+    """Return each robot that comes with the package, in turn."""
     return OneRobot(request.param)
 
 

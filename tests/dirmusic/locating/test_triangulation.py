@@ -1,4 +1,4 @@
-"""One position from bearings."""
+"""Position of a single source from bearings."""
 
 import numpy as np
 import pytest
