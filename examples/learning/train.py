@@ -30,7 +30,7 @@ from pdpatrol.envs.wrappers import Flattener, bearings_only, bearings_only_space
 
 Array = NDArray[Any]
 Steering = Callable[[Observation], Array]
-"""Function that maps the observations of all robots, as from `bearings_only`, to their actions, shape (n_robots, 2)."""
+"""Function that maps the observations of all robots, as of `bearings_only`, to actions, shape (n_robots, 2)."""
 
 N_ROBOTS = 64
 N_STEPS = 128

@@ -1,4 +1,4 @@
-"""Example of your own policy: circle each discharge until its position is accurate."""
+"""Example of a user's policy: circle each discharge until its position is accurate."""
 
 from collections.abc import Sequence
 

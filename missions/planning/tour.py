@@ -130,7 +130,7 @@ class TourShortener:
     Args:
         detectability: Places from which targets are detectable.
         tours: Tours on the map.
-        required: Coverage that a tour must offer, shape (n_targets, 3), as of `coverage`.
+        required: Coverage that a tour must offer, shape (n_targets, 3), as returned by `coverage`.
         is_stop: Mask of the columns of `detectability` that stops may be moved to, shape (n_cells,).
         progress: Called with the number of stops whenever it changes.
     """

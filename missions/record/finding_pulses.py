@@ -44,7 +44,7 @@ class FindingPulses(NamedTuple):
 def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
     """Return the pulses of each finding by its id; empty for a killed mission, which has no association.
 
-    Pulses from directions in which the array has no gain have no level and are left out.
+    Pulses from directions in which the array has no gain have no level and are omitted.
     """
     table, association, azimuth = log.table("finding"), log.table("association"), log.column("bearing", "azimuth_rad")
     pulse, step, manifold = log.table("pulse"), log.table("step"), described_manifold(log.meta["array"])

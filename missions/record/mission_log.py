@@ -188,7 +188,7 @@ class MissionLog:
                 meta, tables = _read(file)
                 log = log or cls(meta)
                 log._extend(tables)
-            except Exception as error:  # each part of the archive and each array header fails in its own way
+            except Exception as error:  # damaged archives and array headers raise many types
                 reason = " ".join(str(error).split())
                 raise ValueError(
                     f"{file}: is not the log of a mission ({reason:.200}); give a folder that `pdpatrol run` wrote"

@@ -84,7 +84,7 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
 
 
 def _solids(path: str, solids: Sequence[Mapping[str, Any]], fill_mode: str) -> dict[str, Any]:
-    """Return an archetype for each kind of shape, by its path; the ends of capsules are cut off."""
+    """Return an archetype for each kind of shape, keyed by path; capsules are drawn without their ends."""
     shapes: dict[str, Any] = {}
     for shape in sorted({solid["shape"] for solid in solids}):
         own = [solid for solid in solids if solid["shape"] == shape]

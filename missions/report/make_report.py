@@ -77,7 +77,7 @@ def path_length_m(pose: FloatArray) -> FloatArray:
 
 
 def count_pulses(log: MissionLog) -> PulseCounts:
-    """Count the pulses of a mission by what they were associated with; a killed mission has no associations."""
+    """Count the pulses of a mission by association; a killed mission has no associations."""
     owner, n_detected = log.column("association", "finding"), log.n_rows("pulse")
     n_rejected = n_detected - int(log.column("pulse", "is_credible").sum())
     is_known = owner.size > 0 or n_rejected == n_detected
@@ -123,7 +123,7 @@ def _scores(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Scores | No
 
 
 def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
-    """Return the findings that were in one of the states at the end, by id."""
+    """Return the findings that were in one of the states at the end, sorted by id."""
     table = findings_at(log, log.n_rows("step"), *states)
     if not table["id"].size:
         return ()

@@ -270,9 +270,9 @@ class Report(ReportPart):
     notes: tuple[str, ...]
     """Unusual properties of the data, and errors."""
     findings: tuple[FindingRecord, ...]
-    """Confirmed findings, by id."""
+    """Confirmed findings, sorted by id."""
     candidates: tuple[FindingRecord, ...]
-    """Findings that are not confirmed or lie beyond the fence, by id."""
+    """Findings that are not confirmed or lie beyond the fence, sorted by id."""
     inspection: SiteInspections | None
     """Inspected sites; null without a map with sites."""
     evaluation: Scores | None

@@ -130,8 +130,8 @@ def compare(printed: Mapping[str, Any], *errors_deg: FloatArray, statistic: Stat
 
     Args:
         printed: Label and number of the paper.
-        errors_deg: Errors by the paper's method, by the best method rounded to the grid, and by that unrounded; those
-            of the paper's method are on its grid already.
+        errors_deg: Errors by the paper's method, by the best method rounded to the grid, and by the best method
+            unrounded; those of the paper's method are already on the grid.
         statistic: Statistic of the errors that the paper prints.
     """
     unit = "%" if statistic is accuracy else "deg"

@@ -1,4 +1,4 @@
-"""The channel monitor finds faulty channels soon and never flags healthy ones."""
+"""The channel monitor finds faulty channels quickly and never flags healthy ones."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def median_error(strengths: np.ndarray, azimuth: np.ndarray, manifold: GainManif
 
 
 def watch(strengths: np.ndarray, by: int = 5) -> list[tuple[int, str]]:
-    """Return channel and kind of the first faults that are found in pulses which come in small batches."""
+    """Return channel and kind of the first faults that are found in pulses that arrive in small batches."""
     monitor = ChannelMonitor(SMALL_ARRAY)
     for first in range(0, len(strengths), by):
         _, found = monitor.watch(detected(strengths[first : first + by], 1.0))

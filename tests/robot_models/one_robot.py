@@ -27,7 +27,7 @@ YARD = Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))
 
 
 Edited = Callable[..., Path]
-"""Writes the file of a user's robot: that of the crawler, with pairs of old and new text exchanged."""
+"""Function that writes the file of a user's robot: that of the crawler, with old text replaced by new in pairs."""
 
 
 class OneRobot:

@@ -1,4 +1,4 @@
-"""Hostile scenario files are refused in clear lines or run without warnings and with finite numbers."""
+"""Hostile scenario files are refused with clear errors, or run without warnings and with finite numbers."""
 
 import dataclasses
 import warnings

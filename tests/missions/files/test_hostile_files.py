@@ -1,4 +1,4 @@
-"""Damaged and hostile files: each is refused in clear lines, or runs."""
+"""Damaged and hostile files are refused with clear errors, or run."""
 
 import warnings
 from pathlib import Path
@@ -18,7 +18,7 @@ HEADER = "time_s,x_m,y_m,yaw_deg,waveform"
 
 
 def is_accepted(table: Path, recording: Path | None = None) -> bool:
-    """Locate a table with warnings as errors; return False if it is refused in clear lines."""
+    """Locate a table with warnings as errors; return False if it is refused with clear errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", InputFileWarning)

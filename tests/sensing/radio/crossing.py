@@ -1,4 +1,4 @@
-"""Pieces of equipment that lines cross, by the compiled functions of the radio model."""
+"""Pieces of equipment that lines cross, computed by the compiled functions of the radio model."""
 
 import numba
 import numpy as np
