@@ -1,4 +1,4 @@
-"""Sources, radio waves and receivers: from the true state of the world to detected pulses."""
+"""Simulation of sources, radio waves and receivers: from the true state of the world to detected pulses."""
 
 from pdpatrol.sensing.array.config import ArrayConfig, ElementConfig
 from pdpatrol.sensing.array.helical_array import HelicalArray

@@ -1,1 +1,1 @@
-"""Antenna array: configuration, array as built, and tables for compiled functions."""
+"""Antenna array: configuration, the array as built, and tables for compiled functions."""

@@ -27,11 +27,12 @@ from pdpatrol.sensing.quantities import (
 )
 
 FEWEST_ELEMENTS, MOST_ELEMENTS = 3, 16
-"""Numbers of elements: two receive most directions in pairs alike, and a robot carries at most sixteen."""
+"""Minimum and maximum number of elements. With two elements, most directions come in pairs that look alike; a robot
+carries at most sixteen (assumed)."""
 
 SHIPPED_PATTERNS = {name: Path(__file__).with_name("patterns") / f"{name}.csv" for name in ("helix", "helix_in_ring")}
-"""Patterns over all directions and frequencies by name: a helix of four turns by the method of moments, alone and among
-its five neighbours; `examples/antenna` computes them."""
+"""Shipped patterns over all directions and frequencies, by name: a helix of four turns, alone and among its five
+neighbours. `examples/antenna` computes them by the method of moments."""
 
 
 class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
@@ -42,30 +43,31 @@ class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_i
     elevation_deg: Elevation = 0.0
     """Elevation of the boresight."""
     position_m: tuple[ArrayCoordinate, ArrayCoordinate, MountingHeight] | None = None
-    """Position, array frame: x forward, y left, z up from the ground. By default on the ring, at the azimuth."""
+    """Position, array frame: x forward, y left, z up from the ground. By default on the ring, at `azimuth_deg`."""
 
 
 class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Data sheet of the array, and errors of real arrays.
 
-    The elements are an even ring of `n_elements`, of which the first points to the left and the others follow
-    clockwise, or those of a list.
+    The elements are either an evenly spaced ring of `n_elements`, of which the first points to the left and the others
+    follow clockwise, or those listed in `elements`.
 
-    The errors are standard deviations, drawn once per array and element. Their defaults are assumed: 5 % of gain from
-    connectors and amplifiers, 2 degrees of azimuth and 2 mm from the mounting of a helix. `gain_offset` is that of the
-    Dir-MUSIC paper: the half width of uniform additions to the gains.
+    Errors are given as standard deviations and drawn once per array and element. Their defaults are assumed: 5 % of
+    gain due to connectors and amplifiers, and 2 degrees of azimuth and 2 mm due to the mounting of a helix.
+    `gain_offset` is the error model of the Dir-MUSIC paper: the half-width of uniformly distributed offsets of the
+    gains.
     """
 
     n_elements: int | None = Field(default=None, ge=FEWEST_ELEMENTS, le=MOST_ELEMENTS)
-    """Elements of the ring, 6 by default; None with a list of elements."""
+    """Number of elements of the ring, 6 by default; None if the elements are listed."""
     elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
     """List of all elements, instead of a ring."""
     ring_radius_m: ArrayMetre = 0.12
     height_m: ArrayMetre = 0.6
     pattern: FilePath | None = None
-    """Pattern of every element in the data sheet, which direction finding uses: a file, or the name of a shipped one.
-    By default eq. (1) of the Dir-MUSIC paper. Of a pattern over all directions and frequencies it uses the cut at
-    elevation 0."""
+    """Pattern of every element in the data sheet, which direction finding uses: a file, or the name of a shipped
+    pattern; by default eq. (1) of the Dir-MUSIC paper. If the pattern covers all directions and frequencies, direction
+    finding uses its cut at elevation 0."""
     true_pattern: FilePath | None = None
     """True pattern of every element, in the plane or over all directions and frequencies; by default that of the data
     sheet."""
@@ -74,12 +76,12 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     position_error_m: PlacementError = 0.002
     gain_offset: Share = 0.0
     serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
-    """Number of one array that was built by this data sheet, with the same errors in every mission. By default each
-    mission has another array."""
+    """Serial number of one array built to this data sheet, which has the same errors in every mission. By default each
+    mission draws a new array."""
     pattern_error: Share = 0.0
-    """Deviation of the true gain in any direction from the pattern of the data sheet, over the largest gain, as the
-    robot assumes it: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
-    it; the deviation itself is that of `true_pattern`. The computed helices need 0.02."""
+    """Standard deviation that the robot assumes for the difference between the true gain and the data sheet, relative
+    to the largest gain. It applies in the plane and grows off it (`dirmusic.ElementSpread`). It does not change the
+    simulated array, whose pattern is `true_pattern`. The computed helices need 0.02."""
 
     @property
     def n_channels(self) -> int:
@@ -87,10 +89,10 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         return len(self.elements) or self.n_elements or 6
 
     def nominal_elements(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return azimuths and elevations of the boresights, and positions, as in the data sheet, array frame.
+        """Return azimuths and elevations of the boresights, and positions, according to the data sheet, array frame.
 
         Returns:
-            Shapes (n_elements,), (n_elements,) and (n_elements, 3), radians and metres.
+            Arrays of shapes (n_elements,), (n_elements,) and (n_elements, 3), in radians, radians and metres.
         """
         boresights, tilts = ring_boresights_rad(self.n_channels), np.zeros(self.n_channels)
         if self.elements:
@@ -150,12 +152,12 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
 
 
 def _read_pattern(path: str) -> TabulatedPattern | SpatialPattern:
-    """Read the pattern of a file or a shipped name; a file is read again only if it has changed."""
+    """Read a pattern file, given by path or shipped name; a file is read again only if it has changed."""
     path = str(SHIPPED_PATTERNS.get(path, path))
     try:
         version = Path(path).stat()
     except OSError:
-        return read_any_pattern(path)  # raises a clear error
+        return read_any_pattern(path)  # raises an error that names the file
     return _read_version(path, version.st_mtime_ns, version.st_size)
 
 

@@ -1,4 +1,4 @@
-"""Array of helical antennas: that of the data sheet, or one as it was built."""
+"""Array of helical antennas: the nominal array of the data sheet, or an array as built."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class HelicalArray:
         boresight_elevations_rad: Elevation of each boresight, shape (n_elements,).
         positions_m: Positions of the elements, shape (n_elements, 3).
         gain_factors: Factors of the gains, shape (n_elements,); 1 for the data sheet.
-        gain_offsets: Additions to the gains, shape (n_elements,); 0 for the data sheet.
+        gain_offsets: Offsets added to the gains, shape (n_elements,); 0 for the data sheet.
     """
 
     pattern: GainPattern | SpatialPattern
@@ -44,13 +44,13 @@ class HelicalArray:
 
     @property
     def aperture_m(self) -> float:
-        """Extent of the elements, the larger of width and height: the largest difference of path lengths, about."""
+        """Larger of the width and the height of the array, about the largest difference of path lengths."""
         width_m = 2 * float(np.linalg.norm(self.positions_m[:, :2], axis=-1).max())
         return max(width_m, float(np.ptp(self.positions_m[:, 2])))
 
     @classmethod
     def nominal(cls, config: ArrayConfig) -> Self:
-        """Make the array of the data sheet, the only one that the estimator knows."""
+        """Create the nominal array of the data sheet, the only one that the estimator knows."""
         boresights_rad, elevations_rad, positions_m = config.nominal_elements()
         return cls(
             pattern=config.nominal_pattern(),
@@ -63,11 +63,11 @@ class HelicalArray:
 
     @classmethod
     def draw(cls, config: ArrayConfig, rng: np.random.Generator) -> Self:
-        """Draw an array as it was built: the data sheet with errors, and the true pattern.
+        """Draw an array as built: the data sheet with errors, and the true pattern.
 
         Args:
             config: Configuration with the data sheet.
-            rng: Generator of the errors of an array without serial number; with one they depend on that alone.
+            rng: Generator of the errors. It is not used if the array has a serial number, which determines its errors.
         """
         rng = rng if config.serial_number is None else np.random.default_rng(config.serial_number)
         nominal, n = cls.nominal(config), config.n_channels
@@ -82,18 +82,18 @@ class HelicalArray:
 
     @property
     def cut(self) -> GainPattern:
-        """Pattern in the plane; of one over frequency, the root mean square over all frequencies."""
+        """Pattern in the plane; if the pattern depends on frequency, its rms over all frequencies."""
         return self.pattern.cut() if isinstance(self.pattern, SpatialPattern) else self.pattern
 
     def manifold(self) -> GainManifold:
-        """Return the far-field manifold of pattern and boresights; estimators use that of the nominal array."""
+        """Return the far-field manifold of the array; estimators use that of the nominal array."""
         return self._manifold_of(self.cut)
 
     def band_manifolds(self, edges_hz: Sequence[float]) -> tuple[GainManifold, ...]:
-        """Return the manifolds of both halves of each sub-band; all are the same for a pattern in the plane.
+        """Return the manifolds of both halves of each sub-band; for a pattern in the plane, they are all equal.
 
         Args:
-            edges_hz: Edges of the sub-bands, ascending, n_bands + 1 of them, or none.
+            edges_hz: Edges of the sub-bands, ascending, n_bands + 1 values, or empty.
         """
         if not isinstance(self.pattern, SpatialPattern):
             return (self.manifold(),) * (2 * (len(edges_hz) - 1))
@@ -105,15 +105,15 @@ class HelicalArray:
     def gain(
         self, azimuth_rad: FloatArray, elevation_rad: FloatArray, frequency_hz: float = FREQUENCY_HZ
     ) -> FloatArray:
-        """Return the gain of element i in direction i, array frame.
+        """Return the gain of each element in its own direction: that of element i in direction i, array frame.
 
         Args:
             azimuth_rad: Azimuths of the directions, shape (..., n_elements).
             elevation_rad: Elevations of the directions, same shape.
-            frequency_hz: Frequency; only patterns over frequency depend on it.
+            frequency_hz: Frequency, on which only some patterns depend.
 
         Returns:
-            Same shape.
+            Gains, same shape.
         """
         off_rad, tilt_rad = azimuth_rad - self.boresights_rad, self.boresight_elevations_rad
         if isinstance(self.pattern, SpatialPattern):
@@ -127,14 +127,16 @@ class HelicalArray:
         return self.gain_factors * gain + self.gain_offsets
 
     def free_space_response(self, source_m: FloatArray, world_from_array: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return amplitudes over those 1 m from a unit-gain antenna, and travel times, of direct waves in free space.
+        """Return relative amplitudes and travel times of direct waves in free space.
+
+        Amplitudes are relative to that of a unit-gain antenna 1 m from the source.
 
         Args:
             source_m: Positions of sources, shape (..., 3), world frame.
             world_from_array: Pose of the array, shape (4, 4).
 
         Returns:
-            Two arrays of shape (..., n_elements).
+            Amplitudes and travel times, both of shape (..., n_elements).
         """
         in_array_m = (source_m - world_from_array[:3, 3]) @ world_from_array[:3, :3]
         sight = in_array_m[..., np.newaxis, :] - self.positions_m

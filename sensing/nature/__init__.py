@@ -1,1 +1,1 @@
-"""Sources of pulses and interference, and their waveforms."""
+"""Sources of discharge pulses and interference, and their waveforms."""

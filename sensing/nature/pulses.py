@@ -1,4 +1,4 @@
-"""Pulses of discharges: the waveform, and pulse trains over the phase of the mains."""
+"""Discharge pulses: their waveform, and pulse trains over the mains phase."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.pulses.phase_resolved import KINDS, KindName
 
 DECAY_S, RISE_S, FREQUENCY_HZ = 1.0e-9, 0.2e-9, 1.75e9
-"""Time constants and frequency of the waveform. Assumed after the measurements of the Dir-MUSIC paper: a pulse is about
-2.5 ns long and has 76 % of its energy between 1.5 and 2 GHz."""
+"""Time constants and frequency of the waveform. Assumed, to agree with the measurements in the Dir-MUSIC paper: a pulse
+is about 2.5 ns long and has 76 % of its energy between 1.5 and 2 GHz."""
 
 
 def damped_pulse(time_s: ArrayLike, phase_rad: float = 0.0) -> FloatArray:
-    r"""Return a damped oscillation, zero before time zero and with the largest magnitude 1 if the phase is 0.
+    r"""Return a damped oscillation that is 0 before time 0; if the phase is 0, its largest magnitude is 1.
 
     .. math:: s(t) = (e^{-t/\tau_d} - e^{-t/\tau_r}) \sin(2 \pi f t + \varphi) / \max_t |\cdot|_{\varphi = 0}
 
     Args:
         time_s: Time since the arrival of the pulse, any shape.
-        phase_rad: Phase of the oscillation, which polarisation, reflection and diffraction change.
+        phase_rad: Phase of the oscillation, which changes with polarisation, reflection and diffraction.
 
     Returns:
         Waveform for a peak of 1 V, same shape.
@@ -46,26 +46,27 @@ def _peak() -> float:
 
 @cache
 def unit_pulse_energy(sample_rate_hz: float) -> float:
-    """Return the sum of squared samples of a pulse of 1 V peak, V^2.
+    """Return the sum of the squared samples of a pulse with a peak of 1 V, V^2.
 
-    The energy-to-noise ratio of a unit-gain channel is A^2 times this over sigma^2.
+    For a pulse with a peak of A volts and noise of standard deviation sigma, the energy-to-noise ratio of a unit-gain
+    channel is A^2 times this sum over sigma^2.
     """
     return float(np.square(damped_pulse(np.arange(0.0, 20 * DECAY_S, 1 / sample_rate_hz))).sum())
 
 
 class PulseTrain(NamedTuple):
-    """Clusters of pulses over the phase of the mains, of one or several defects; columns have shape (n_clusters,).
+    """Clusters of pulses over the mains phase, of one or several defects. All columns have the shape (n_clusters,).
 
     Attributes:
         rate_hz: Mean number of pulses per second.
-        mains_hz: Frequency of the mains.
-        lag: Cycles by which the voltage at the defect lags the mains of the receiver.
+        mains_hz: Mains frequency.
+        lag: Lag of the voltage at the defect behind the mains phase of the receiver, in cycles.
         centre: Mean phase, in cycles.
         width: Standard deviation of the phase, in cycles.
-        level_db: Typical level.
+        level_db: Mean level.
         spread_db: Standard deviation of the level.
         polarity: Sign of the pulses.
-        is_even: True for pulses spread evenly over all phases; centre and width are then not used.
+        is_even: True for pulses that are uniformly distributed over the phase; `centre` and `width` are then not used.
     """
 
     rate_hz: FloatArray
@@ -80,7 +81,7 @@ class PulseTrain(NamedTuple):
 
     @classmethod
     def at_any_phase(cls) -> Self:
-        """Make one cluster of equal pulses that are independent of the mains, one per second."""
+        """Create one cluster of equal pulses that are independent of the mains phase, at one pulse per second."""
         zero, one = np.zeros(1), np.ones(1)
         return cls(one, one, zero, zero, zero, zero, zero, one, np.ones(1, np.bool_))
 
@@ -88,16 +89,16 @@ class PulseTrain(NamedTuple):
     def of_kind(
         cls, kind: KindName, mains_hz: float, conductor_rad: float, rng: np.random.Generator | None = None
     ) -> Self:
-        """Make the clusters of a defect with one pulse per second.
+        """Create the clusters of one defect, at one pulse per second in total.
 
-        Defects of one kind differ. Assumed: the phase of all clusters together by 5 degrees, because the inception
-        voltage differs, and then phase, level, width and share of each cluster.
+        Defects of the same kind differ. Assumed: the phase of all clusters together, with a standard deviation of 5
+        degrees, because inception voltages differ, and in addition phase, level, width and share of each cluster.
 
         Args:
             kind: Kind of the defect.
-            mains_hz: Frequency of the mains.
-            conductor_rad: Phase by which the voltage of the conductor lags the mains of the receiver.
-            rng: Generator of the deviations; None for a typical defect.
+            mains_hz: Mains frequency.
+            conductor_rad: Lag of the conductor's voltage behind the mains phase of the receiver.
+            rng: Generator of these differences; None for a typical defect.
         """
         share, centre_deg, width_deg, level_db, spread_db, polarity = np.array(
             [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in KINDS[kind]]
@@ -119,12 +120,13 @@ class PulseTrain(NamedTuple):
     def draw(
         self, start_s: float, duration_s: float, rng: np.random.Generator
     ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Draw the pulses of an interval as Poisson processes whose rate follows the phase.
+        """Draw the pulses of an interval as Poisson processes whose rates depend on the mains phase.
 
-        Assumed: one discharge does not influence the next.
+        Assumed: discharges are independent of each other.
 
         Returns:
-            Cluster, time in seconds and relative amplitude of each pulse, shapes (n_pulses,), cluster by cluster.
+            Cluster, time in seconds and relative amplitude of each pulse, each of shape (n_pulses,), cluster by
+            cluster.
         """
         first = self.mains_hz * start_s - self.lag  # in cycles at the defect
         last = first + self.mains_hz * duration_s

@@ -1,1 +1,1 @@
-"""Radio waves from sources to antennas: geometry, materials, ray paths and arrivals."""
+"""Propagation of radio waves from sources to antennas: geometry, materials, ray paths and arrivals."""

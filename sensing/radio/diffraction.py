@@ -1,13 +1,13 @@
-"""Rays around the edges of upright boxes in compiled functions.
+"""Compiled functions for rays diffracted by the edges of upright boxes.
 
-A box has twelve edges, of which the four upright ones and the four on top diffract waves towards a robot. Rays go
-around one edge, or along the face between two edges. Seen along its direction, an edge is a corner of a rectangle; p
-and q are coordinates across it and `along` is the one along it.
+A box has twelve edges, of which the four upright ones and the four on top diffract waves towards a robot. A ray is
+diffracted by one edge, or by two edges with a path along the face between them. Seen along its direction, an edge is a
+corner of a rectangle: p and q are the coordinates across the edge, and `along` is the coordinate along it.
 
-One edge diffracts by the uniform theory of diffraction, which distinguishes polarisations and faces and joins smoothly
-to the rays that the edge blocks. At a second edge Fresnel's integral follows, as in ITU-R P.526 for two edges, because
-the theory of a wedge does not cover a wave that arrives along its own face. Waves polarised along an edge of metal
-vanish along its face. Waves vary as exp(j (omega t - k r)).
+Diffraction by one edge follows the uniform theory of diffraction (UTD), which distinguishes polarisations and faces,
+and is continuous with the rays that the edge blocks. A second edge contributes a Fresnel integral, as in ITU-R P.526
+for two edges, because the UTD of a wedge does not cover a wave that arrives along one of its faces. Waves polarised
+along a metal edge vanish on its faces. Fields vary as exp(j (omega t - k r)).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from pdpatrol.sensing.radio.reflection import OWN_FACE_M
 from pdpatrol.sensing.radio.transmission import diffraction_parameter, smooth_step
 
 STEP, END = 0.02, 20.0
-"""Step and end of the table of Fresnel's integral: a cubic in between is exact to 1e-8."""
+"""Step and end of the table of the Fresnel integral; cubic interpolation between its points is accurate to 1e-8."""
 
 _AT = np.arange(0.0, END + 2 * STEP, STEP)
 _TAIL = np.exp(1j * np.square(_AT)) * modfresnelm(_AT)[0]
@@ -52,7 +52,8 @@ _SLOPE = STEP * (2j * _AT * _TAIL - 1.0)
 def fresnel_tail(u: float) -> complex:
     r"""Return :math:`e^{j u^2} \int_u^\infty e^{-j t^2} dt` for u >= 0.
 
-    By a cubic through a table, and beyond it by the first terms of the asymptotic series.
+    The value is interpolated in a table by a cubic and, beyond the table, computed from the first terms of the
+    asymptotic series.
     """
     if u >= END:
         square = u * u
@@ -66,11 +67,11 @@ def fresnel_tail(u: float) -> complex:
 
 @compiled_inner
 def edge_wave(parameter: float) -> complex:
-    """Return the wave from a knife edge over the direct one, with the phase of the path by way of the edge.
+    """Return the wave diffracted by a knife edge relative to the direct wave, with the phase of the path by the edge.
 
     Args:
-        parameter: Diffraction parameter of ITU-R P.526, section 4.1: positive where the edge blocks the direct path.
-            In the light, where it is negative, the direct wave comes in addition.
+        parameter: Diffraction parameter of ITU-R P.526, section 4.1, positive where the edge blocks the direct path. In
+            the lit region, where it is negative, the direct wave has to be added.
     """
     tail = (1.0 + 1.0j) / math.sqrt(2.0 * math.pi) * fresnel_tail(math.sqrt(0.5 * math.pi) * abs(parameter))
     return tail if parameter >= 0.0 else -tail
@@ -78,20 +79,20 @@ def edge_wave(parameter: float) -> complex:
 
 @compiled
 def knife_edge(parameter: float) -> complex:
-    """Return the field behind a knife edge over that in free space, with the phase of the direct path."""
+    """Return the field behind a knife edge relative to that in free space, with the phase of the direct path."""
     behind = edge_wave(parameter) * cmath.exp(-0.5j * math.pi * parameter * parameter)
     return behind if parameter >= 0.0 else 1.0 + behind
 
 
 class WedgeFaces(NamedTuple):
-    """Faces of a wedge.
+    """Reflection by the faces of a wedge, and transmission through it.
 
-    A perfect conductor has coefficients -1 (perpendicular) and 1 (parallel) and no transmission.
+    A perfect conductor has the reflection coefficients -1 (perpendicular) and 1 (parallel) and no transmission.
 
     Attributes:
-        first: Reflection by the face from which angles are counted.
-        last: Reflection by the other face.
-        transmission: Amplitude of a wave through the wedge.
+        first: Reflection coefficients of the face from which angles are measured.
+        last: Reflection coefficients of the other face.
+        transmission: Relative amplitude of a wave transmitted through the wedge.
     """
 
     first: Reflection
@@ -119,16 +120,18 @@ def wedge_term(beta: float, sign: float, n: float, k_length: float) -> complex:
 def wedge_coefficients(
     incident_rad: float, leaving_rad: float, n: float, k_length: float, faces: WedgeFaces
 ) -> tuple[complex, complex]:
-    r"""Return the uniform diffraction coefficients of a wedge for the field along the edge and across it.
+    r"""Return the UTD diffraction coefficients of a wedge for the field components along and across the edge.
 
-    They are multiplied by the square root of the wave number and the sine of the angle between ray and edge.
+    The coefficients are multiplied by the square root of the wave number and by the sine of the angle between ray and
+    edge.
 
     Args:
-        incident_rad: Angle from the first face to the source, across the edge, in [0, n pi].
-        leaving_rad: Angle from the first face to the target, in [0, n pi].
-        n: Outer angle of the wedge over pi: 3/2 for the edge of a box, 2 for a half-plane.
-        k_length: Wave number times :math:`s s' \sin^2 \beta / (s + s')` of a spherical wave, with the distances s'
-            before and s behind the edge and the angle between ray and edge.
+        incident_rad: Angle from the first face to the source, in the plane across the edge, in [0, n pi].
+        leaving_rad: Angle from the first face to the target, in the same plane, in [0, n pi].
+        n: Exterior angle of the wedge divided by pi: 3/2 for the edge of a box, 2 for a half-plane.
+        k_length: Wave number times :math:`s s' \sin^2 \beta / (s + s')` for a spherical wave, where s' and s are the
+            distances from the source to the edge and from the edge to the target, and :math:`\beta` is the angle
+            between ray and edge.
         faces: Faces of the wedge.
 
     References:
@@ -147,19 +150,19 @@ def wedge_coefficients(
 
 
 OUTER_ANGLE = 1.5
-"""Outer angle at the edge of a box, over pi."""
+"""Exterior angle at the edge of a box, divided by pi."""
 
 
 class BoxEdge(NamedTuple):
-    """Edge of a box, seen along it.
+    """Edge of a box, in the coordinates of the edge.
 
     Attributes:
-        p: Coordinate of the edge across it.
-        q: The other coordinate across it.
-        out_p: 1 or -1, the side of the face across p.
-        out_q: 1 or -1, the side of the face across q.
-        low: Coordinate along it where it begins.
-        high: Coordinate along it where it ends.
+        p: First coordinate across the edge.
+        q: Second coordinate across the edge.
+        out_p: Sign of the outward normal of the face perpendicular to p, 1 or -1.
+        out_q: Sign of the outward normal of the face perpendicular to q, 1 or -1.
+        low: Coordinate along the edge where it begins.
+        high: Coordinate along the edge where it ends.
     """
 
     p: float
@@ -189,16 +192,16 @@ class EdgeAxes(NamedTuple):
 
 
 class EdgeRay(NamedTuple):
-    """Ray around one or two edges.
+    """Ray diffracted by one or two edges.
 
     Attributes:
-        first: Coordinate of the first diffraction along its edge.
-        last: Coordinate of the last diffraction along its edge.
-        before_m: Length up to the first edge.
-        between_m: Length from the first edge to the last; 0 with one edge.
-        behind_m: Length from the last edge on.
-        soft: Amplitude of a field along the first edge, over that of a direct ray of the same length.
-        hard: Amplitude of a field across it.
+        first: Coordinate of the first diffraction point along its edge.
+        last: Coordinate of the last diffraction point along its edge.
+        before_m: Length from the source to the first edge.
+        between_m: Length from the first edge to the last; 0 for one edge.
+        behind_m: Length from the last edge to the target.
+        soft: Amplitude of a field polarised along the first edge, relative to a direct ray of the same length.
+        hard: Amplitude of a field polarised across the first edge, relative to the same.
     """
 
     first: float
@@ -212,7 +215,7 @@ class EdgeRay(NamedTuple):
 
 @compiled
 def edge_axes(box: UprightSolid, family: int) -> EdgeAxes:
-    """Return the axes of the upright edges (family 0), of those on top along the second side (1) or the first (2)."""
+    """Return the axes of a family of edges: upright (0), or horizontal along the second (1) or the first side (2)."""
     first, second = Vector(box.cos, box.sin, 0.0), Vector(-box.sin, box.cos, 0.0)
     if family == 0:
         return EdgeAxes(first, second, UP, box.x, box.y)
@@ -223,7 +226,7 @@ def edge_axes(box: UprightSolid, family: int) -> EdgeAxes:
 
 @compiled
 def to_edge(axes: EdgeAxes, at: Vector) -> EdgePoint:
-    """Return the coordinates of a world point."""
+    """Convert a world point to the coordinates of an edge."""
     dx, dy = at.x - axes.x, at.y - axes.y
     return EdgePoint(
         dx * axes.p.x + dy * axes.p.y + at.z * axes.p.z,
@@ -234,7 +237,7 @@ def to_edge(axes: EdgeAxes, at: Vector) -> EdgePoint:
 
 @compiled
 def to_world(axes: EdgeAxes, p: float, q: float, along: float) -> Vector:
-    """Return the world point with some coordinates of an edge."""
+    """Convert coordinates of an edge to a world point."""
     return Vector(
         axes.x + p * axes.p.x + q * axes.q.x + along * axes.edge.x,
         axes.y + p * axes.p.y + q * axes.q.y + along * axes.edge.y,
@@ -244,9 +247,10 @@ def to_world(axes: EdgeAxes, p: float, q: float, along: float) -> Vector:
 
 @compiled
 def box_edge(box: UprightSolid, family: int, number: int) -> BoxEdge:
-    """Return an edge of a family; numbers 0 to 3 go around the rectangle, and of horizontal edges 0 and 1 are on top.
+    """Return one edge of a family. Numbers 0 to 3 go around the rectangle; horizontal edges 0 and 1 are on top.
 
-    A box that stands on the ground is one with its mirror image, where 2 and 3 are.
+    A box that stands on the ground is joined to its mirror image below ground, to which horizontal edges 2 and 3
+    belong.
     """
     bottom_m = box.bottom_m if box.bottom_m > 0.0 else -box.top_m
     out_p, out_q = 1.0 if number == 0 or number == 3 else -1.0, 1.0 if number < 2 else -1.0
@@ -258,7 +262,7 @@ def box_edge(box: UprightSolid, family: int, number: int) -> BoxEdge:
 
 @compiled_inner
 def outer_angle(edge: BoxEdge, point: EdgePoint) -> float:
-    """Return the angle of a point around an edge from the face across p on, in [0, 3/2 pi]."""
+    """Return the angle of a point about an edge, measured from the face perpendicular to p, in [0, 3/2 pi]."""
     angle = math.atan2((point.p - edge.p) * edge.out_p, -(point.q - edge.q) * edge.out_q)
     if angle > -0.25 * math.pi:
         return max(angle, 0.0)
@@ -267,29 +271,29 @@ def outer_angle(edge: BoxEdge, point: EdgePoint) -> float:
 
 @compiled
 def is_hidden(edge: BoxEdge, point: EdgePoint) -> bool:
-    """Return True where the box itself hides an edge from a point more than 1 um inside the planes of both faces."""
+    """Return whether the box itself hides an edge from a point, which then is more than 1 um behind both faces."""
     return (point.p - edge.p) * edge.out_p < -1e-6 and (point.q - edge.q) * edge.out_q < -1e-6
 
 
 @compiled_inner
 def distance_across(edge: BoxEdge, point: EdgePoint) -> float:
-    """Return the distance of a point from the line of an edge, at least a millimetre."""
+    """Return the distance of a point from the line of an edge, at least 1 mm."""
     return max(hypot(point.p - edge.p, point.q - edge.q), 1e-3)
 
 
 @compiled_inner
 def bend_point(edge: BoxEdge, at: float, before_m: float, behind_m: float, rise_m: float) -> tuple[float, complex]:
-    """Return where along an edge a ray bends that would bend at `at` on an endless one, and the factor of the ends.
+    """Return the diffraction point along a finite edge, and the factor of the amplitude due to its ends.
 
-    Where an edge ends another one begins. Behind such a corner the field is the product of both knife edges; of the
-    term that both diffract, each ray has half.
+    Where an edge ends, another one begins. Behind such a corner, the field is the product of the fields of both knife
+    edges; the term that both edges diffract is divided equally between the two rays.
 
     Args:
         edge: The edge.
-        at: Coordinate along it.
-        before_m: Length up to it, across.
-        behind_m: Length behind it, across.
-        rise_m: Rise of the target over the source, along the edge.
+        at: Coordinate of the diffraction point if the edge were infinitely long.
+        before_m: Distance from the source to the edge, across the edge.
+        behind_m: Distance from the edge to the target, across the edge.
+        rise_m: Coordinate of the target minus that of the source, along the edge.
     """
     across_m, along, factor = before_m + behind_m, at, 1.0 + 0.0j
     rise_before_m, length_m = rise_m * before_m / across_m, hypot(across_m, rise_m)
@@ -307,7 +311,7 @@ def bend_point(edge: BoxEdge, at: float, before_m: float, behind_m: float, rise_
 
 @compiled
 def round_one(edge: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeFaces) -> EdgeRay:
-    """Return the ray around one edge that neither source nor target is hidden from."""
+    """Return the ray diffracted by one edge; the edge must be visible from both source and target."""
     before, behind = distance_across(edge, source), distance_across(edge, target)
     across, rise = before + behind, target.along - source.along
     at, factor = bend_point(edge, source.along + rise * before / across, before, behind, rise)
@@ -322,9 +326,10 @@ def round_one(edge: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeF
 def round_two(
     first: BoxEdge, last: BoxEdge, beyond: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeFaces
 ) -> EdgeRay:
-    """Return the ray along the face between two edges; the source must see the first and the target the last.
+    """Return the ray diffracted by two edges, with a path along the face between them.
 
-    It fades where it would have to pass the edge `beyond` the last one: rays around three edges are left out.
+    The first edge must be visible from the source, the last one from the target. The ray fades out where it would also
+    have to pass the edge `beyond` the last one, because rays around three edges are not modelled.
     """
     before, behind = distance_across(first, source), distance_across(last, target)
     face, rise = hypot(last.p - first.p, last.q - first.q), target.along - source.along
@@ -347,17 +352,18 @@ def round_two(
 
 @compiled_inner
 def largest_edge_wave(detour_m: float) -> float:
-    """Return the largest magnitude of `edge_wave` for a detour: its value, or in the far shadow its asymptote."""
+    """Return an upper bound of the magnitude of `edge_wave` for a detour; in deep shadow, this is its asymptote."""
     parameter = diffraction_parameter(detour_m)
     return 0.5 if parameter < 0.45 else 0.225 / parameter
 
 
 @compiled_inner
 def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: EdgePoint) -> float:
-    """Estimate the largest amplitude of a ray around two edges, or one given twice, over that 1 m from the source.
+    """Estimate the largest amplitude of a ray around two edges, relative to that 1 m from the source.
 
-    That is the sum of Fresnel's integrals at the shadow boundaries of the direct and both reflected rays, and that
-    behind the end of an edge where the ray would bend beyond it. It saves the computation of rays too weak to count.
+    For a ray around one edge, pass the same edge twice. The estimate is the sum of the Fresnel integrals at the shadow
+    boundaries of the direct ray and both reflected rays, times that at the end of an edge if the diffraction point
+    would lie beyond it. It avoids the computation of rays that are too weak to matter.
     """
     before_m, passed_m = distance_across(first, source), distance_across(first, target)
     face_m = hypot(last.p - first.p, last.q - first.q)
@@ -382,10 +388,11 @@ def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: Edge
 
 @compiled_inner
 def edge_faces(edge: BoxEdge, source: EdgePoint, target: EdgePoint, material: Material) -> WedgeFaces:
-    """Return the faces at an edge, with the angles of incidence of Luebbers.
+    """Return the faces at an edge, with the angles of incidence that Luebbers uses.
 
-    A face that the source is on does not reflect, because its image is a part of the source. The extent of the face is
-    not known here: the source counts as on it anywhere in its plane, on its side of the edge.
+    A face does not reflect a source that is mounted on it, because the mirror image is then part of the source. The
+    extent of the face is not known here, so a source anywhere in its plane, on its side of the edge, counts as mounted
+    on it.
     """
     first = face_reflection(min(abs(source.p - edge.p) / distance_across(edge, source), 1.0), material)
     last = face_reflection(min(abs(target.q - edge.q) / distance_across(edge, target), 1.0), material)
@@ -407,14 +414,14 @@ def received_from_edge(
     ray: EdgeRay,
     ground: Material,
 ) -> complex:
-    """Return the signal of a circular antenna for a diffracted ray over that for a direct one of the same length.
+    """Return the signal of a circularly polarised antenna for a diffracted ray, relative to an equally long direct ray.
 
     Args:
         axis: Polarisation of the source.
-        start: Source, or its image in the ground if the ground reflects the ray. Then the ground reflects before the
-            edges where they are above ground, and behind them where they belong to the image of the box.
-        first: First point of diffraction.
-        last: Last point of diffraction.
+        start: Source, or its image in the ground if the ground reflects the ray. The reflection is then before the
+            edges if these are above ground, and after them if they belong to the mirror image of the box.
+        first: First diffraction point.
+        last: Last diffraction point.
         target: Middle of the array.
         edge: Unit vector along the edges.
         ray: The ray.

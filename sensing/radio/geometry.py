@@ -1,4 +1,4 @@
-"""Vectors, segments and upright solids in compiled functions."""
+"""Vectors, segments and upright solids for compiled functions."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 
 TINY = 1e-9
-"""Length in metres, or sine of an angle, below which a direction is undefined; share of a segment at either end within
-which a surface does not count."""
+"""Length in metres, or sine of an angle, below which a direction is undefined. Also the fraction of a segment, at
+either end, in which crossings of a surface are ignored."""
 
 CLEARANCE = 0.3
-"""Distance from a segment, over the root of wavelength times length, from which on an obstacle takes nothing from a
-wave: its diffraction parameter is below -0.78 even in the middle of the segment (ITU-R P.526)."""
+"""Distance from a segment, divided by the square root of wavelength times length, beyond which an obstacle does not
+attenuate a wave: its diffraction parameter is below -0.78 even at the middle of the segment (ITU-R P.526)."""
 
 FACING_WIDTH = 0.95
-"""Width of the box that stands for a cylinder in diffraction, over the cylinder's diameter. Assumed; with it the field
-behind a conducting cylinder lies within 3 dB of the exact solutions."""
+"""Width of the box that replaces a cylinder in diffraction, divided by the cylinder's diameter. Assumed; with this
+value, the field behind a conducting cylinder is within 3 dB of the exact solutions."""
 
 
 class Vector(NamedTuple):
@@ -42,7 +42,7 @@ def dot(first: Vector, second: Vector) -> float:
 
 @compiled_inner
 def hypot(first: float, second: float) -> float:
-    """Return the root of the sum of squares, three times as fast as `math.hypot`, which also handles extreme values."""
+    """Return sqrt(first^2 + second^2), three times as fast as `math.hypot` but without protection from overflow."""
     return math.sqrt(first * first + second * second)
 
 
@@ -66,13 +66,13 @@ def distance(first: Vector, second: Vector) -> float:
 
 @compiled_inner
 def shift(point: Vector, direction: Vector, by: float) -> Vector:
-    """Return a point moved along a vector, by a multiple of its length."""
+    """Return a point moved along a vector by a multiple of the vector's length."""
     return Vector(point.x + by * direction.x, point.y + by * direction.y, point.z + by * direction.z)
 
 
 @compiled_inner
 def point_between(start: Vector, end: Vector, share: float) -> Vector:
-    """Return the point at a share of the way from one point to another."""
+    """Return the point at a given fraction of the distance from one point to another."""
     return shift(start, minus(end, start), share)
 
 
@@ -86,13 +86,13 @@ def towards(start: Vector, end: Vector) -> Vector:
 
 @compiled_inner
 def mirror_in_ground(vector: Vector) -> Vector:
-    """Return the mirror image in the ground."""
+    """Return the mirror image of a point or vector in the ground."""
     return Vector(vector.x, vector.y, -vector.z)
 
 
 @compiled_inner
 def above_ground(point: Vector) -> Vector:
-    """Return the point itself or, if it lies below ground, its mirror image above."""
+    """Return a point or, if it is below ground, its mirror image above ground."""
     return Vector(point.x, point.y, abs(point.z))
 
 
@@ -121,7 +121,7 @@ class Segment(NamedTuple):
         horizontal_m: Length of its projection on the ground, > 0.
         ahead_x: Unit vector of that projection, x.
         ahead_y: Unit vector of that projection, y.
-        clearance_m: Distance beyond which an obstacle takes nothing from a wave along the segment.
+        clearance_m: Distance beyond which an obstacle does not attenuate a wave along the segment.
     """
 
     start: Vector
@@ -135,7 +135,7 @@ class Segment(NamedTuple):
 
 @compiled
 def segment(start: Vector, end: Vector) -> Segment:
-    """Make the segment from one point to another."""
+    """Create the segment from one point to another."""
     dx, dy, dz = minus(end, start)
     horizontal_m = max(math.sqrt(dx * dx + dy * dy), TINY)
     length_m = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -144,17 +144,17 @@ def segment(start: Vector, end: Vector) -> Segment:
 
 
 class UprightSolid(NamedTuple):
-    """One upright box or cylinder.
+    """An upright box or cylinder.
 
     Attributes:
-        x: Middle of the footprint, x.
-        y: Middle of the footprint, y.
+        x: Centre of the footprint, x.
+        y: Centre of the footprint, y.
         cos: Cosine of the yaw.
         sin: Sine of the yaw.
         half_x: Half of the first side; 0 for a cylinder.
         half_y: Half of the second side; 0 for a cylinder.
         radius_m: Radius of a cylinder; 0 for a box.
-        reach_m: Distance of the farthest point of the footprint from its middle.
+        reach_m: Distance of the farthest point of the footprint from its centre.
         bottom_m: Height of the bottom above ground.
         top_m: Height of the top above ground.
     """
@@ -173,7 +173,7 @@ class UprightSolid(NamedTuple):
 
 @compiled_inner
 def is_near(path: Segment, solid: UprightSolid, margin_m: float) -> bool:
-    """Return True where a circle around the footprint of a solid comes within a margin of a segment, on plan."""
+    """Return whether, in plan view, the circle around a solid's footprint comes within a margin of a segment."""
     x, y, reach_m = solid.x - path.start.x, solid.y - path.start.y, solid.reach_m + margin_m
     ahead_m = x * path.ahead_x + y * path.ahead_y
     return abs(y * path.ahead_x - x * path.ahead_y) <= reach_m and -reach_m < ahead_m < path.horizontal_m + reach_m
@@ -181,7 +181,7 @@ def is_near(path: Segment, solid: UprightSolid, margin_m: float) -> bool:
 
 @compiled_inner
 def interval_within(low: float, high: float, start: float, change: float) -> tuple[float, float]:
-    """Return between which shares of a line a coordinate lies between two bounds; it is `start + share * change`."""
+    """Return the interval of t in which the coordinate `start + t * change` lies between two bounds."""
     if change == 0.0:
         return (-np.inf, np.inf) if low < start < high else (np.inf, -np.inf)
     first, second = (low - start) / change, (high - start) / change
@@ -190,9 +190,10 @@ def interval_within(low: float, high: float, start: float, change: float) -> tup
 
 @compiled_inner
 def footprint_interval(path: Segment, solid: UprightSolid) -> tuple[float, float]:
-    """Return between which shares of the line through a segment it lies over the footprint of a solid, or within.
+    """Return the interval of the line through a segment that lies above or below a solid's footprint, or inside it.
 
-    The first share is larger than the second if it nowhere does.
+    The interval is in fractions of the segment from its start. If it is empty, the first value is larger than the
+    second.
     """
     x, y, dx, dy = (
         path.start.x - solid.x,
@@ -217,7 +218,7 @@ def footprint_interval(path: Segment, solid: UprightSolid) -> tuple[float, float
 
 @compiled_inner
 def solid_interval(path: Segment, solid: UprightSolid) -> tuple[float, float]:
-    """Return between which shares of the line through a segment it lies inside a solid."""
+    """Return the interval of the line through a segment that lies inside a solid, as in `footprint_interval`."""
     enters, leaves = footprint_interval(path, solid)
     above, below = interval_within(solid.bottom_m, solid.top_m, path.start.z, path.end.z - path.start.z)
     return max(enters, above), min(leaves, below)
@@ -232,7 +233,7 @@ def length_inside(path: Segment, solid: UprightSolid) -> float:
 
 @compiled
 def crosses(path: Segment, solid: UprightSolid) -> bool:
-    """Return True where a segment crosses a solid; one that ends on the surface does not."""
+    """Return whether a segment crosses a solid; a segment that ends on the surface does not cross it."""
     if path.length_m == 0.0 or not is_near(path, solid, 0.0):
         return False
     enters, leaves = solid_interval(path, solid)
@@ -241,7 +242,7 @@ def crosses(path: Segment, solid: UprightSolid) -> bool:
 
 @compiled_inner
 def facing_box(path: Segment, solid: UprightSolid) -> UprightSolid:
-    """Return the box whose edges diffract waves along a segment; for a cylinder, the box within that faces it."""
+    """Return the box whose edges diffract waves along a segment; for a cylinder, an inner box that faces the path."""
     radius_m = solid.radius_m
     if radius_m == 0.0:
         return solid

@@ -1,4 +1,4 @@
-"""Materials of equipment and ground for radio waves of 1.4 to 2.2 GHz: what they transmit and reflect."""
+"""Transmission and reflection of equipment and ground materials for radio waves from 1.4 to 2.2 GHz."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from typing import NamedTuple, Self
 import numpy as np
 
 FREQUENCY_GHZ = 1.75
-"""Middle of the pulses' band; over the band, permittivity and conductivity change by a few per cent."""
+"""Centre of the pulses' band, over which permittivity and conductivity change by a few per cent."""
 
 WAVELENGTH_M = 0.299792458 / FREQUENCY_GHZ
 
 DIFFRACTION_LOSS_DB = 15.0
-"""Loss from which on rays around the edges of a box are traced. Assumed; slender equipment transmits as much as comes
-around it."""
+"""Minimum loss of a box for which rays around its edges are traced. Assumed; below it, as for slender equipment, the
+transmitted wave is as strong as the waves around it."""
 
 LOSS_FACTOR = 17.98
-"""Imaginary part of the permittivity per conductivity in S/m, times GHz: 1 / (2 pi epsilon_0) (ITU-R P.2040)."""
+"""Imaginary part of the relative permittivity, times frequency in GHz, per S/m of conductivity: 1 / (2 pi epsilon_0)
+(ITU-R P.2040)."""
 
 
 class Material(NamedTuple):
@@ -25,9 +26,9 @@ class Material(NamedTuple):
     Attributes:
         permittivity: Real part, relative to vacuum.
         conductivity_spm: Conductivity at `FREQUENCY_GHZ`, S/m.
-        transmission: Amplitude of a wave behind one piece of equipment, over that before, in [0, 1].
-        flat_share: Share of the amplitude that a smooth surface would reflect, in [0, 1]; ribs and openings scatter the
-            rest, and 0 is for what does not reflect at all.
+        transmission: Amplitude behind one piece of equipment relative to that in front of it, in [0, 1].
+        flat_share: Reflected amplitude relative to that of a smooth surface, in [0, 1]. Ribs and openings scatter the
+            rest; 0 means that nothing is reflected.
     """
 
     permittivity: float
@@ -37,26 +38,26 @@ class Material(NamedTuple):
 
     @classmethod
     def of_loss(cls, permittivity: float, conductivity_spm: float, loss_db: float, flat_share: float) -> Self:
-        """Make a material from the loss of a wave on its way through one piece of equipment; infinite if opaque."""
+        """Create a material from the transmission loss through one piece of equipment, which is infinite if opaque."""
         return cls(permittivity, conductivity_spm, 10.0 ** (-loss_db / 20.0), flat_share)
 
     @property
     def diffracts(self) -> bool:
-        """True where so little is transmitted that rays around the edges count."""
+        """Whether so little is transmitted that rays around the edges matter."""
         return self.transmission <= 10.0 ** (-DIFFRACTION_LOSS_DB / 20.0)
 
     @property
     def largest_reflection(self) -> float:
         """Approximate upper bound of the reflection by a curved surface: 1.2 times the coefficient at normal incidence.
 
-        A dielectric reflects more towards grazing incidence, but there a curved surface spreads the wave.
+        A dielectric reflects more at grazing incidence, but a curved surface also spreads the wave more there.
         """
         index = np.sqrt(self.permittivity - 1j * LOSS_FACTOR * self.conductivity_spm / FREQUENCY_GHZ)
         return self.flat_share * min(1.2 * float(abs((1.0 - index) / (1.0 + index))), 1.0)
 
 
 def _p2040(a: float, b: float, c: float, d: float, loss_db: float, flat_share: float) -> Material:
-    """Make a material with the constants of ITU-R P.2040-3, table 3, by its eq. (28) and (29)."""
+    """Create a material from the constants in ITU-R P.2040-3, table 3, with its eq. (28) and (29)."""
     return Material.of_loss(a * FREQUENCY_GHZ**b, c * FREQUENCY_GHZ**d, loss_db, flat_share)
 
 
@@ -64,22 +65,22 @@ METAL = _p2040(1.0, 0.0, 1e7, 0.0, np.inf, flat_share=0.8)
 """ITU-R P.2040, metal. Assumed: ribs and radiators scatter a fifth of the amplitude."""
 
 CONCRETE = _p2040(5.24, 0.0, 0.0462, 0.7822, 20.0, flat_share=1.0)
-"""ITU-R P.2040, concrete: 51 dB per metre of wall, of which 0.4 m is assumed."""
+"""ITU-R P.2040, concrete: 51 dB per metre of wall; a thickness of 0.4 m is assumed."""
 
 BRICK = _p2040(3.91, 0.0, 0.0238, 0.16, 4.0, flat_share=1.0)
-"""ITU-R P.2040, brick: 26 dB per metre of wall, of which 0.15 m is assumed."""
+"""ITU-R P.2040, brick: 26 dB per metre of wall; a thickness of 0.15 m is assumed."""
 
 PORCELAIN = Material.of_loss(6.0, 0.0, 10.0, flat_share=1.0)
-"""Assumed: permittivity 6; much of a wave passes a slender insulator with a metal core on both sides."""
+"""Assumed: permittivity 6. Much of a wave passes on both sides of a slender insulator with a metal core."""
 
 RACK = _p2040(1.0, 0.0, 1e7, 0.0, 10.0, flat_share=0.3)
-"""Assumed: units on an open frame, which both shade and reflect in part."""
+"""Assumed: units on an open frame, which attenuate in part and reflect in part."""
 
 MESH = _p2040(1.0, 0.0, 1e7, 0.0, 2.0, flat_share=0.2)
 """Assumed: wire mesh with openings of a third of a wavelength transmits most of a wave."""
 
 KERB = Material.of_loss(5.24, 0.0, 1.0, flat_share=0.0)
-"""Assumed: a stone one wavelength high neither shades nor reflects waves that pass over it."""
+"""Assumed: a stone one wavelength high neither attenuates nor reflects waves that pass over it."""
 
 GRAVEL = Material.of_loss(3.5, 0.0, 0.0, flat_share=1.0)
 """Ground of dry gravel. Assumed; ITU-R P.527 gives a permittivity of 3 to 4 for dry soil."""
@@ -108,4 +109,4 @@ KIND_MATERIALS: dict[str, Material] = {
 """Material of every kind of equipment."""
 
 ROUND_MATERIALS: dict[str, Material] = {"circuit_breaker": PORCELAIN, "power_transformer": PORCELAIN}
-"""Material of the cylinders of a kind where it differs from the rest: poles and bushings are insulators."""
+"""Material of the cylinders of a kind if it differs from that of its other parts: poles and bushings are insulators."""

@@ -1,4 +1,4 @@
-"""Reflection by flat faces and round solids in compiled functions."""
+"""Compiled functions for reflection by flat faces and cylinders."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ from pdpatrol.sensing.radio.transmission import (
 )
 
 OWN_FACE_M = 0.05
-"""Distance within which a face belongs to the source. Assumed; its mirror image lies within a third of a wavelength,
-and the amplitude of the source is that of both together."""
+"""Distance within which a source counts as mounted on a face. Assumed; the mirror image is then within two thirds of a
+wavelength of the source, and the amplitude of the source is defined as that of both together."""
 
 
 class Mirror(NamedTuple):
@@ -54,7 +54,7 @@ class Mirror(NamedTuple):
 
     Attributes:
         at: Point where the ray meets it.
-        normal: Unit vector towards the ray.
+        normal: Unit normal on the side of the ray.
         material: Material of the surface.
     """
 
@@ -64,12 +64,12 @@ class Mirror(NamedTuple):
 
 
 class SpecularPoint(NamedTuple):
-    """Point where a mirror reflects a ray.
+    """Specular reflection point of a mirror.
 
     Attributes:
         image: Mirror image of the source.
         at: Point on the mirror.
-        rim_m: Distance to the rim of the mirror; negative without such a point.
+        rim_m: Distance of that point from the rim of the mirror; negative if there is no reflection.
     """
 
     image: Vector
@@ -78,13 +78,13 @@ class SpecularPoint(NamedTuple):
 
 
 class Obstruction(NamedTuple):
-    """Obstacles around one that reflects or diffracts.
+    """Obstacles that may attenuate a reflected or diffracted ray.
 
     Attributes:
         obstacles: All obstacles.
         shadows: Their effects on the direct path, rows of `SHADOW`.
-        own: Index of the obstacle that reflects or diffracts, or `NO_SOLID`.
-        least: Amplitude at the array, over that 1 m from the source, below which no ray counts.
+        own: Index of the obstacle that reflects or diffracts the ray, or `NO_SOLID`.
+        least: Amplitude at the array, relative to that 1 m from the source, below which rays are ignored.
     """
 
     obstacles: Rows
@@ -95,7 +95,7 @@ class Obstruction(NamedTuple):
 
 @compiled_inner
 def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> SpecularPoint:
-    """Find where a plane through a point reflects; its normal points to the side of source and target."""
+    """Find the reflection point of a plane through a point; the normal points to the side of source and target."""
     depth_m, height_m = dot(minus(source, at), normal), dot(minus(target, at), normal)
     if depth_m <= OWN_FACE_M or height_m <= 0.0:
         return SpecularPoint(source, source, -1.0)
@@ -105,7 +105,7 @@ def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> S
 
 @compiled_inner
 def face_point(face: Row, source: Vector, target: Vector) -> SpecularPoint:
-    """Find where a face reflects; for an image of the source in the ground, the face extends into its own image."""
+    """Find the reflection point of a face; if the source is an image in the ground, the face includes its own image."""
     point = plane_point(centre_of(face), normal_of(face), source, target)
     if point.rim_m < 0.0:
         return point
@@ -115,19 +115,19 @@ def face_point(face: Row, source: Vector, target: Vector) -> SpecularPoint:
 
 @compiled_inner
 def rim_factor(rim_m: float) -> float:
-    """Return the share of a reflection so near the rim of a face whose edges do not diffract."""
+    """Return the factor by which a reflection near the rim fades if the edges of the face do not diffract."""
     return smooth_step(rim_m / RIM_M)
 
 
 @compiled_inner
 def off_mirror(mirror: Mirror) -> Vector:
-    """Return the reflection point raised by a nanometre, so that a ray from it does not cross the solid behind."""
+    """Return the reflection point moved 1 nm off the surface, so that a ray from it does not cross the solid behind."""
     return shift(mirror.at, mirror.normal, TINY)
 
 
 @compiled_inner
 def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bool, around: Obstruction) -> complex:
-    """Return the coefficient of a ray by one mirror: the signal over that of a direct ray of the same length."""
+    """Return the coefficient of a ray reflected once: its signal relative to a direct ray of the same length."""
     arriving, leaving = towards(emitter.at, mirror.at), towards(mirror.at, target)
     reflection = face_reflection(abs(dot(leaving, mirror.normal)), mirror.material)
     field = reflected(radiated(emitter.axis, arriving), arriving, leaving, mirror.normal, reflection)
@@ -136,7 +136,7 @@ def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bo
     least = around.least * (first.length_m + last.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
         return 0j
-    if is_ground:  # edges that block this path add their own rays by the ground
+    if is_ground:  # edges that block this path add their own ground-reflected rays
         return coefficient * ground_transmission(first, last, around.obstacles)
     return coefficient * bent_transmission(first, last, around.obstacles, around.own, around.shadows, least)
 
@@ -145,7 +145,7 @@ def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bo
 def reflect_twice(
     emitter: Emitter, target: Vector, first: Mirror, second: Mirror
 ) -> tuple[complex, Segment, Segment, Segment]:
-    """Return the coefficient of a ray by two mirrors as of `reflect_once`, without obstacles, and its segments."""
+    """Return the coefficient of a ray reflected twice, as in `reflect_once` but without obstacles, and its segments."""
     arriving, between, leaving = (
         towards(emitter.at, first.at),
         towards(first.at, second.at),
@@ -164,16 +164,16 @@ def reflect_twice(
 def reflect_with_ground(
     emitter: Emitter, target: Vector, at: Vector, face: Row, ground: Material, around: Obstruction
 ) -> complex:
-    """Return the coefficient of a ray by an upright face and the ground.
+    """Return the coefficient of a ray reflected by an upright face and the ground.
 
     Args:
         emitter: Source.
         target: Middle of the array.
-        at: Point where the ray from the source's image in the ground meets the face, above ground where the ground
-            reflects first, or the face's own image in the ground where it reflects last.
+        at: Point where the ray from the source's image in the ground meets the face (above ground, if the ground
+            reflects first) or the face's own image in the ground (below ground, if the ground reflects last).
         face: The face.
         ground: Material of the ground.
-        around: Obstacles; their own one is the solid that the face bounds.
+        around: Obstacles; `own` is the solid that the face bounds.
     """
     start, wall = mirror_in_ground(emitter.at), Mirror(above_ground(at), normal_of(face), material_of(face))
     if at.z >= 0.0:
@@ -195,10 +195,10 @@ def reflect_with_ground(
 def reflect_by_two_faces(
     emitter: Emitter, target: Vector, first: Row, second: Row, obstacles: Rows, least: float
 ) -> tuple[complex, Vector]:
-    """Return the coefficient of a ray by two upright faces in turn, and the image of the source in both.
+    """Return the coefficient of a ray reflected by two upright faces in turn, and the image of the source in both.
 
-    The reflection fades towards the rims of both faces, because rays that one face diffracts and the other reflects are
-    not traced.
+    The reflection fades out towards the rims of both faces, because rays that are diffracted by one face and reflected
+    by the other are not traced.
     """
     image = face_point(first, emitter.at, shift(emitter.at, normal_of(first), TINY)).image
     at_second = face_point(second, image, target)
@@ -224,10 +224,11 @@ def reflect_by_two_faces(
 
 @compiled_inner
 def cylinder_normal(x: float, y: float, radius_m: float, source: Vector, target: Vector) -> Vector:
-    """Find the normal at which an upright cylinder at (x, y) reflects a source to a target.
+    """Find the surface normal at which an upright cylinder at (x, y) reflects a ray from a source to a target.
 
-    It lies between the directions to both, where the tangential components of both rays cancel; 14 bisections find it
-    to a ten-thousandth of that angle, and the length of the ray much more exactly.
+    The normal lies between the directions to source and target, where the tangential components of both rays cancel.
+    Fourteen bisections give it to a ten-thousandth of the angle between these directions, and the length of the ray
+    much more accurately.
     """
     azimuth = math.atan2(source.y - y, source.x - x)
     to_x, to_y, cos, sin = target.x - x, target.y - y, math.cos(azimuth), math.sin(azimuth)
@@ -251,16 +252,16 @@ def cylinder_normal(x: float, y: float, radius_m: float, source: Vector, target:
 
 @compiled_inner
 def reflect_by_cylinder(emitter: Emitter, target: Vector, around: Obstruction) -> tuple[complex, Vector]:
-    """Return the coefficient of a ray by an upright cylinder, and the image of the source in the tangent plane.
+    """Return the coefficient of a ray reflected by an upright cylinder, and the source's image in the tangent plane.
 
     Args:
         emitter: Source.
         target: Middle of the array.
-        around: Obstacles; their own one is the cylinder.
+        around: Obstacles; `own` is the cylinder.
 
     References:
         McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction (1990), section
-        3.4: the caustic distance behind a curved mirror, here in the plane across the cylinder.
+        3.4: caustic distance behind a curved mirror, here in the plane perpendicular to the cylinder's axis.
     """
     cylinder, source = around.obstacles[around.own], emitter.at
     solid, none = solid_of(cylinder), (0j, emitter.at)

@@ -1,4 +1,4 @@
-"""Surroundings of sources and robots: reflecting faces, solids in the way, and their materials."""
+"""Surroundings of sources and robots: reflecting faces, obstacles, and their materials."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, shift
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material
 
 GROUND, NO_SOLID = -1, -1
-"""Owner of the face of the ground; index in place of a solid where there is none."""
+"""Owner of the face of the ground; and index that stands for "no solid"."""
 
 _MATERIAL_COLUMNS = [(name, np.float64) for name in Material._fields]
 
@@ -31,8 +31,8 @@ FACE = np.dtype(
         ],
     )
 )
-"""Row of a flat rectangle that reflects, as of `flat_face`, with its `Material`, the index of the solid that it bounds,
-or `NO_SOLID`, and whether the edges of that solid diffract."""
+"""Row of a flat reflecting rectangle (see `flat_face`), with its `Material`, the index of the solid that it bounds or
+`NO_SOLID`, and whether the edges of that solid diffract."""
 
 OBSTACLE = np.dtype(
     (
@@ -46,8 +46,8 @@ OBSTACLE = np.dtype(
         ],
     )
 )
-"""Row of an `UprightSolid` with its `Material`, the `largest_reflection` and `diffracts` of that, and the index of the
-piece of equipment that it belongs to. One array of rows costs a compiled function less than many arrays."""
+"""Row of an `UprightSolid` with its `Material`, `largest_reflection` and `diffracts` of that material, and the index of
+the piece of equipment to which it belongs. A single array of rows is faster for compiled functions than many arrays."""
 
 Rows = NDArray[Any]
 Row = Any
@@ -63,10 +63,10 @@ def upright_solids(
     top_m: FloatArray,
     owner: IntArray,
 ) -> Rows:
-    """Make rows of `OBSTACLE`, without materials, of upright boxes and cylinders.
+    """Create rows of `OBSTACLE`, without materials, for upright boxes and cylinders.
 
     Args:
-        centre_m: Middles of the footprints, shape (n_solids, 2), world frame.
+        centre_m: Centres of the footprints, shape (n_solids, 2), world frame.
         yaw_rad: Yaws, shape (n_solids,).
         half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
         radius_m: Radii of cylinders, shape (n_solids,); 0 for boxes.
@@ -91,7 +91,7 @@ def flat_face(
     owner: int,
     solid: int = NO_SOLID,
 ) -> Rows:
-    """Make one row of `FACE`, without material.
+    """Create one row of `FACE`, without material.
 
     Args:
         centre_m: Centre, shape (3,), world frame.
@@ -99,7 +99,7 @@ def flat_face(
         sides: Unit vectors along the two sides, shape (2, 3).
         half_size_m: Half the length of the two sides; may be infinite.
         owner: Index of the piece of equipment; `GROUND` for the ground.
-        solid: Index of the solid that it bounds.
+        solid: Index of the solid that the face bounds, or `NO_SOLID`.
     """
     row = np.zeros(1, FACE)
     vectors = np.asarray([centre_m, normal, *np.asarray(sides)])
@@ -112,12 +112,12 @@ def flat_face(
 
 
 def ground_face() -> Rows:
-    """Make the face of the ground."""
+    """Create the face of the ground."""
     return flat_face(np.zeros(3), np.eye(3)[2], np.eye(3)[:2], (np.inf, np.inf), GROUND)
 
 
 def faces_of(solids: Rows) -> Rows:
-    """Make the faces of the ground, and of the four sides and the top of every box; cylinders have no flat face."""
+    """Create the faces of the ground and of the four sides and the top of every box; cylinders have no flat face."""
     faces = [ground_face()]
     for k in np.flatnonzero(solids["radius_m"] == 0).tolist():
         x, y, cos, sin, half_x, half_y, _, _, bottom_m, top_m = solids[k].tolist()[: len(UprightSolid._fields)]
@@ -140,9 +140,9 @@ class Surroundings(NamedTuple):
 
     Attributes:
         faces: Flat reflecting faces including the ground, rows of `FACE`.
-        ground: Material of the ground; without a ground, one that does not reflect.
+        ground: Material of the ground; if there is no ground, one that does not reflect.
         obstacles: Solids of the equipment, rows of `OBSTACLE`.
-        second_order: True where rays reflected by two upright faces count.
+        second_order: Whether rays reflected by two upright faces are included.
     """
 
     faces: Rows
@@ -152,7 +152,7 @@ class Surroundings(NamedTuple):
 
     @classmethod
     def of_kinds(cls, kinds: Sequence[str], solids: Rows, *, second_order: bool = False) -> Self:
-        """Make surroundings of equipment of known kinds, one kind for each piece, on gravel.
+        """Create surroundings from the kind of each piece of equipment, with a gravel ground.
 
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
@@ -171,14 +171,14 @@ class Surroundings(NamedTuple):
         ground: Material = GRAVEL,
         curved: Sequence[Material] | None = None,
     ) -> Self:
-        """Make surroundings of equipment of known materials.
+        """Create surroundings from the material of each piece of equipment.
 
         Args:
             materials: Material of each piece of equipment.
             faces: Reflecting faces; None for none.
             solids: Solids of the equipment; None for none.
             ground: Material of the ground.
-            curved: Material of the cylinders of each piece; None if it is that of the piece.
+            curved: Material of the cylinders of each piece; None to use that of the piece.
         """
         faces = np.empty(0, FACE) if faces is None else faces.copy()
         solids = np.empty(0, OBSTACLE) if solids is None else solids.copy()
@@ -198,7 +198,7 @@ class Surroundings(NamedTuple):
 
     @classmethod
     def free_space(cls) -> Self:
-        """Make empty surroundings, without a ground."""
+        """Create empty surroundings, without a ground."""
         return cls.of_materials([])
 
 
@@ -223,13 +223,13 @@ def centre_of(face: Row) -> Vector:
 
 @compiled_inner
 def normal_of(face: Row) -> Vector:
-    """Return the unit vector out of the equipment."""
+    """Return the normal of a face, a unit vector that points out of the equipment."""
     return Vector(face.normal_x, face.normal_y, face.normal_z)
 
 
 @compiled_inner
 def rim_distance(face: Row, point: Vector) -> float:
-    """Return the distance of a point in the plane of a face from its rim, metres; negative outside."""
+    """Return the distance, in metres, of a point in the plane of a face from the rim of the face; negative outside."""
     off = shift(point, centre_of(face), -1.0)
     first_m = abs(off.x * face.first_x + off.y * face.first_y + off.z * face.first_z)
     second_m = abs(off.x * face.second_x + off.y * face.second_y + off.z * face.second_z)
@@ -237,7 +237,7 @@ def rim_distance(face: Row, point: Vector) -> float:
 
 
 def level_transform(pose: FloatArray) -> FloatArray:
-    """Return `world_from_array`, shape (4, 4), of an array that stands level on the ground at (x m, y m, yaw rad)."""
+    """Return `world_from_array`, shape (4, 4), of a level array on the ground at the pose (x m, y m, yaw rad)."""
     x, y, yaw = pose
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])

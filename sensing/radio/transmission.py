@@ -1,8 +1,9 @@
-"""Transmission past and through obstacles: the amplitude behind them over that in free space.
+"""Transmission past and through obstacles: the amplitude behind them relative to that in free space.
 
-Two rules hold everywhere. Of the solids of one piece of equipment, the one that takes most away counts; the factors of
-different pieces multiply. And a solid that diffracts blocks the direct path but for its own transmission, because rays
-around its edges are traced on their own (`diffraction`); on every other segment it counts as a knife edge.
+Two rules apply throughout. First, among the solids of one piece of equipment, only the one that attenuates most counts,
+and the factors of different pieces are multiplied. Second, a solid that diffracts blocks the direct path except for
+what it transmits, because rays around its edges are traced separately (`diffraction`); on every other segment it is
+treated as a knife edge.
 """
 
 from __future__ import annotations
@@ -29,14 +30,15 @@ from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.surroundings import NO_SOLID, Row, Rows, Surroundings, solid_of
 
 CLEAR = -0.78
-"""Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
+"""Diffraction parameter below which an edge does not attenuate (ITU-R P.526)."""
 
 RIM_M = 0.1
-"""Length over which the loss of a lossy solid, or the reflection of a face without diffracting edges, sets in.
-Assumed."""
+"""Length, from the rim inwards, over which the loss of a solid, or the reflection of a face without diffracting edges,
+rises to its full value. Assumed."""
 
 SHADOW = np.dtype((np.record, [("parameter", np.float64), ("transmission", np.float64)]))
-"""Effect of a diffracting solid on the direct path: its `shadow_parameter`, and its transmission if it blocks it."""
+"""Effect of a diffracting obstacle on the direct path: its `shadow_parameter` and `transmission_through`. They are -inf
+and 1 for an obstacle that does not diffract."""
 
 
 @compiled_inner
@@ -48,13 +50,13 @@ def smooth_step(share: float) -> float:
 
 @compiled_inner
 def diffraction_parameter(detour_m: float) -> float:
-    """Return the diffraction parameter of an edge around which a ray is longer by a detour: ITU-R P.526, eq. (26)."""
+    """Return the diffraction parameter of an edge from the excess length of the ray over it: ITU-R P.526, eq. (26)."""
     return 2.0 * math.sqrt(max(detour_m, 0.0) / WAVELENGTH_M)
 
 
 @compiled
 def knife_edge_amplitude(parameter: float) -> float:
-    """Return the amplitude behind a knife edge, without ripples in the light: ITU-R P.526, eq. (31)."""
+    """Return the amplitude behind a knife edge, without ripples in the lit region: ITU-R P.526, eq. (31)."""
     if parameter <= CLEAR:
         return 1.0
     off = parameter - 0.1
@@ -63,7 +65,7 @@ def knife_edge_amplitude(parameter: float) -> float:
 
 @compiled_inner
 def parameter_at(path: Segment, x: float, y: float, z: float) -> float:
-    """Return the diffraction parameter, without sign, of the detour from a segment by a point."""
+    """Return the unsigned diffraction parameter of the detour from a segment via a point."""
     start, end = path.start, path.end
     before_m = math.sqrt((x - start.x) ** 2 + (y - start.y) ** 2 + (z - start.z) ** 2)
     behind_m = math.sqrt((x - end.x) ** 2 + (y - end.y) ** 2 + (z - end.z) ** 2)
@@ -72,10 +74,10 @@ def parameter_at(path: Segment, x: float, y: float, z: float) -> float:
 
 @compiled_inner
 def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float:
-    """Return the diffraction parameter of the strongest way around a solid: left, right or over the top.
+    """Return the diffraction parameter of the strongest path around a solid: left, right or over the top.
 
-    It is positive where the solid is in the way of a segment and negative where the segment passes it, down to minus
-    infinity farther away than `near_m` and below a solid that stands on legs.
+    The parameter is positive if the solid blocks the segment and negative if the segment passes it. It is minus
+    infinity if the segment is farther away than `near_m` or passes below a solid that stands on legs.
     """
     if not is_near(path, solid, near_m):
         return -np.inf
@@ -119,8 +121,8 @@ def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float
 def transmission_past(path: Segment, obstacle: Row) -> float:
     """Return the amplitude past an obstacle on a segment that is not the direct path.
 
-    A solid that diffracts transmits its share and counts as a knife edge for the rest. The loss of any other solid sets
-    in over its rim, a diffraction parameter of 0.1 (assumed) or `RIM_M` inside.
+    A solid that diffracts transmits a fraction of the amplitude and acts as a knife edge for the rest. The loss of any
+    other solid rises smoothly from its rim to a diffraction parameter of 0.1 (assumed) or a length of `RIM_M` inside.
     """
     solid = solid_of(obstacle)
     if not is_near(path, solid, path.clearance_m):
@@ -136,7 +138,7 @@ def transmission_past(path: Segment, obstacle: Row) -> float:
 
 @compiled_inner
 def transmission_through(path: Segment, obstacle: Row) -> float:
-    """Return the amplitude behind an obstacle on the direct path, without what comes around a diffracting one."""
+    """Return the amplitude behind an obstacle on the direct path, without the waves diffracted around it."""
     if not obstacle.diffracts:
         return transmission_past(path, obstacle)
     return obstacle.transmission if crosses(path, facing_box(path, solid_of(obstacle))) else 1.0
@@ -144,7 +146,7 @@ def transmission_through(path: Segment, obstacle: Row) -> float:
 
 @compiled_inner
 def begins_piece(obstacles: Rows, k: int) -> bool:
-    """Return True where obstacle k is the first of another piece of equipment than obstacle k - 1."""
+    """Return whether obstacle k belongs to a different piece of equipment than obstacle k - 1."""
     return k > 0 and obstacles[k].owner != obstacles[k - 1].owner
 
 
@@ -168,7 +170,7 @@ def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: 
 
 @compiled_inner
 def ground_transmission(down: Segment, up: Segment, obstacles: Rows) -> float:
-    """Return the transmission of a path reflected by the ground, which crosses what stands on the ground only once."""
+    """Return the transmission of a ground-reflected path, in which solids that stand on the ground count only once."""
     total, of_piece = 1.0, 1.0
     for k in range(obstacles.size):
         if begins_piece(obstacles, k):
@@ -187,7 +189,7 @@ def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: fl
     Args:
         path: The segment.
         obstacles: All obstacles.
-        skipped: Index of an obstacle that does not count, or `NO_SOLID`.
+        skipped: Index of an obstacle to ignore, or `NO_SOLID`.
         least: Results below are returned as 0.
     """
     total, of_piece = 1.0, 1.0
@@ -203,7 +205,7 @@ def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: fl
 
 @compiled_inner
 def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
-    """Fill in the effect of every obstacle on the direct path, rows of `SHADOW`."""
+    """Compute the effect of every obstacle on the direct path, and store it in the rows of `shadows`."""
     for k in range(obstacles.size):
         shadows[k].parameter, shadows[k].transmission = -np.inf, 1.0
         if obstacles[k].diffracts:
@@ -216,16 +218,17 @@ def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
 
 @compiled_inner
 def blocking_weight(of_ray: float, of_other: float) -> float:
-    """Return how far an obstacle blocks a ray that another one diffracts, as it does the direct path.
+    """Return the degree to which an obstacle blocks a ray that another one diffracts, as it blocks the direct path.
 
-    Behind two obstacles the field is the product of both knife edges, and one term of the product is diffracted by
-    both. It must count once: rays around the obstacle with the deeper shadow pass the other as a knife edge, and rays
-    around the other are blocked by the first where it blocks the direct path. The weight changes smoothly between the
-    two, so that the field has no step where either obstacle begins to block the direct path.
+    Behind two obstacles, the field is the product of the fields of two knife edges, and one term of the product is
+    diffracted by both. This term must be counted once: rays around the obstacle with the deeper shadow pass the other
+    obstacle as a knife edge, whereas rays around the other obstacle are blocked by the first one where it blocks the
+    direct path. The weight changes smoothly between the two cases, so that the field is continuous where either
+    obstacle begins to block the direct path.
 
     Args:
-        of_ray: `shadow_parameter` on the direct path of the obstacle that diffracts the ray.
-        of_other: That of the other obstacle.
+        of_ray: `shadow_parameter`, for the direct path, of the obstacle that diffracts the ray.
+        of_other: `shadow_parameter`, for the direct path, of the other obstacle.
     """
     if of_ray <= CLEAR - 1.0 or of_other <= CLEAR - 1.0:
         return 0.0
@@ -235,7 +238,7 @@ def blocking_weight(of_ray: float, of_other: float) -> float:
 
 @compiled_inner
 def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, shadows: Rows, least: float) -> float:
-    """Return the transmission of a diffracted or reflected ray past all obstacles but its own.
+    """Return the transmission of a diffracted or reflected ray past all obstacles except the one that turns it.
 
     Args:
         first: Segment from the source to the obstacle that diffracts or reflects.
@@ -262,7 +265,9 @@ def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, 
 
 
 class Sight:
-    """Transmission of the direct path in known surroundings: the same law for waves and for a robot with a map.
+    """Transmission of the direct path in given surroundings.
+
+    The simulation of waves and a robot that has a map use the same model.
 
     Args:
         surroundings: Faces and solids.
@@ -272,16 +277,17 @@ class Sight:
         self._obstacles = surroundings.obstacles
 
     def __call__(self, places_m: FloatArray, target_m: FloatArray, within_m: float = 0.0) -> FloatArray:
-        """Return the amplitude of direct waves over that in free space, in [0, 1]; 0 behind metal.
+        """Return the amplitude of direct waves relative to that in free space, in [0, 1]; 0 behind metal.
 
         Args:
-            places_m: Places of the antenna, shape (n, 3), world frame.
-            target_m: Place of the source, shape (3,).
-            within_m: Length at the target's end of the path in which equipment takes nothing away, at most half the
-                thickness of each piece: a target on a surface or slightly inside is seen from outside.
+            places_m: Positions of the antenna, shape (n, 3), world frame.
+            target_m: Position of the source, shape (3,).
+            within_m: Length of the end of the path, next to the target, in which equipment does not attenuate, but at
+                most half the thickness of each piece. A target on a surface or slightly inside is then seen from
+                outside.
 
         Returns:
-            Shape (n,).
+            Relative amplitudes, shape (n,).
         """
         return direct_transmissions(
             np.ascontiguousarray(places_m, np.float64),
@@ -293,7 +299,7 @@ class Sight:
 
 @compiled
 def direct_transmissions(places_m: FloatArray, target_m: FloatArray, within_m: float, obstacles: Rows) -> FloatArray:
-    """Return the `direct_transmission` from each place."""
+    """Return the `direct_transmission` from each position."""
     result, target = np.empty(len(places_m)), Vector(target_m[0], target_m[1], target_m[2])
     for i in range(len(places_m)):
         place = Vector(places_m[i, 0], places_m[i, 1], places_m[i, 2])

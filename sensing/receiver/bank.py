@@ -1,4 +1,4 @@
-"""Receivers of several robots that detect pulses at the same time."""
+"""Bank of receivers: detection of pulses by several robots at the same time."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from pdpatrol.sensing.receiver.detection import FALSE_ALARM, DetectedPulses, Rec
 from pdpatrol.sensing.receiver.receiver import Receiver
 
 AHEAD_S = 10.0
-"""Time for which emissions are drawn at once; a draw costs the same for many."""
+"""Time span for which emissions are drawn at once; the cost of a draw hardly depends on the number of emissions."""
 
 LEAST_ROBOTS = 4
-"""Fewest robots per thread; fewer do not pay for one."""
+"""Minimum number of robots per thread; with fewer, the overhead of a thread is not worth it."""
 
 
 class Listener:
-    """One robot of a bank, with its emissions and false alarms, drawn ahead for intervals that follow one another.
+    """One robot of a bank, with emissions and false alarms that are drawn in advance.
 
-    After a gap or a step back in time, drawing starts anew.
+    Intervals normally follow one another; after a gap or a step back in time, new emissions are drawn.
 
     Args:
-        array: Array as it was built.
+        array: Array as built.
         scene: Sources and surroundings.
         nature_rng: Generator of the emissions.
         receiver_rng: Generator of noise and triggers.
 
     Attributes:
-        array: Array as it was built.
+        array: Array as built.
         scene: Sources and surroundings.
         receiver_rng: Generator of noise and triggers.
-        emissions: What has been drawn, by time.
+        emissions: Emissions and false alarms that have been drawn, in order of time.
     """
 
     def __init__(
@@ -53,16 +53,16 @@ class Listener:
         self.emissions = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
 
     def covers(self, start_s: float, end_s: float) -> bool:
-        """Return True where an interval lies within what has been drawn."""
+        """Return whether emissions have been drawn for the whole of an interval."""
         return self._first_s <= start_s and end_s <= self._last_s
 
     def draw(self, start_s: float, end_s: float, false_alarm_rate_hz: float) -> None:
-        """Draw emissions from the start of an interval to its end and beyond.
+        """Draw more emissions, so that an interval is covered; at least `AHEAD_S` is drawn at a time.
 
         Args:
             start_s: Start of the interval.
             end_s: End of the interval.
-            false_alarm_rate_hz: Mean rate at which noise alone triggers, as a Poisson process.
+            false_alarm_rate_hz: Mean rate of the Poisson process of triggers by noise alone.
         """
         if not self._first_s <= start_s <= self._last_s:
             self.emissions, self._last_s = self.emissions.take(slice(0)), start_s
@@ -75,19 +75,19 @@ class Listener:
         self.emissions = Emissions.join([kept, drawn, false])
 
     def between(self, start_s: float, end_s: float) -> tuple[int, int]:
-        """Return the first of the drawn emissions in an interval, and the end of them."""
+        """Return the index of the first drawn emission in an interval, and the index after the last one."""
         time_s = self.emissions.time_s
         return bisect_left(time_s, start_s), bisect_left(time_s, end_s)
 
 
 class ReceiverBank:
-    """Robots with receivers of one configuration, each with its own array, scene and generators.
+    """Robots with identically configured receivers, each with its own array, scene and generators.
 
-    The pulses of one robot do not depend, to the bit, on the other robots.
+    The pulses of one robot are bit-identical whatever the other robots do.
 
     Args:
         config: Configuration of all receivers.
-        listeners: The robots, with arrays of one size and pattern.
+        listeners: The robots; their arrays must have the same number of elements and the same pattern.
         n_threads: Number of threads.
     """
 
@@ -101,22 +101,22 @@ class ReceiverBank:
         self._pool: ThreadPoolExecutor | None = None
 
     def replace(self, robot: int, listener: Listener) -> None:
-        """Replace array, scene and generators of one robot, whose time starts anew."""
+        """Replace array, scene and generators of one robot, and restart its time."""
         self._listeners[robot], self._states[robot] = listener, self._state(listener)
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
     ) -> DetectedPulses:
-        """Return the pulses of one interval; the intervals of each robot must follow one another.
+        """Return the pulses detected in one interval; the intervals of each robot must follow one another.
 
-        Assumed: sources that move and channels that change stay as they are at the start of the interval; in 0.1 s,
-        traffic moves 1 or 2 m.
+        Assumed: moving sources and changing channels keep their state at the start of the interval; in 0.1 s, traffic
+        moves 1 or 2 m.
 
         Args:
             world_from_array: True poses of the arrays, shape (n_robots, 4, 4).
-            start_s: Simulated time of each robot at the start, shape (n_robots,).
-            duration_s: Length of the interval.
-            rows: Robots that listen, ascending; None for all.
+            start_s: Simulated time of each robot at the start of the interval, shape (n_robots,).
+            duration_s: Duration of the interval.
+            rows: Indices of the robots to simulate, ascending; None for all.
         """
         robots = np.arange(len(self._listeners)) if rows is None else rows
         n_jobs = min(self._n_threads, robots.size // LEAST_ROBOTS)
@@ -130,13 +130,13 @@ class ReceiverBank:
         return DetectedPulses.join([self._listen(*jobs[0]), *(each.result() for each in waiting)])
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the threads; a copy starts its own."""
+        """Return the state without the threads; a copy starts its own."""
         return vars(self) | {"_pool": None}
 
     def _listen(
         self, thread: int, robots: IntArray, world_from_array: FloatArray, start_s: FloatArray, duration_s: float
     ) -> DetectedPulses:
-        """Return the pulses of some robots on one thread."""
+        """Return the pulses that some robots detect, computed on one thread."""
         due: list[tuple[int, int, int]] = []
         n_emissions = 0
         for robot in robots.tolist():
@@ -160,7 +160,7 @@ class ReceiverBank:
         return Held(DetectedPulses.room(n_pulses, self._receiver.n_elements, config.gate_samples, config.n_bands))
 
     def _state(self, listener: Listener) -> Held[ReceiverState]:
-        """Return the state of a robot at time 0, without emissions or carriers."""
+        """Return the state of a robot's receiver at time 0, without emissions or carriers."""
         receiver, scene, array = self._receiver, listener.scene, listener.array
         table, positions_m = ArrayTable.of(array, self._pattern, self._grid), scene.positions_m.copy()
         return Held(
@@ -175,7 +175,11 @@ class ReceiverBank:
         )
 
     def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> tuple[int, int]:
-        """Draw the emissions of an interval, return first and end of them, and update what time and pose change."""
+        """Update a robot for an interval: draw its emissions if needed, and update what depends on time and pose.
+
+        Returns:
+            Index of the first emission of the interval, and the index after the last one.
+        """
         receiver, listener, state = self._receiver, self._listeners[robot], self._states[robot].value
         scene, array = listener.scene, listener.array
         changes: dict[str, Any] = {}
@@ -192,7 +196,7 @@ class ReceiverBank:
         if scene.carriers or self.config.faults:
             channels = receiver.channels(begin_s, scene.carriers, array, world_from_array)
             changes["channels"] = channels
-            if scene.carriers:  # the trigger must be above them
+            if scene.carriers:  # the trigger level must be above them
                 level_v = receiver.threshold_v + float(channels.tone_v.sum(axis=0).max())
                 trigger = receiver.front_end.trigger(self.config.noise_v, level_v)
                 changes["sampler"] = state.sampler._replace(trigger=trigger)
@@ -211,16 +215,16 @@ def listen_once(
     duration_s: float,
     start_s: float = 0.0,
 ) -> DetectedPulses:
-    """Return the pulses that one receiver detects with one pose.
+    """Return the pulses that one receiver detects at one pose.
 
     Args:
         config: Configuration of the receiver.
-        array: Array as it was built.
+        array: Array as built.
         scene: Sources and surroundings.
-        rng: Generator of everything.
+        rng: Generator of all random numbers.
         world_from_array: True pose of the array, shape (4, 4).
-        duration_s: Length of the interval.
-        start_s: Simulated time at its start.
+        duration_s: Duration of the interval.
+        start_s: Simulated time at the start of the interval.
     """
     bank = ReceiverBank(config, [Listener(array=array, scene=scene, nature_rng=rng, receiver_rng=rng)])
     return bank.listen(world_from_array[np.newaxis], np.array([start_s]), duration_s)

@@ -1,4 +1,7 @@
-"""Band-pass of the receiver: its response to pulses and to white noise. Imports `scipy.signal`, which takes 0.9 s."""
+"""Band-pass filter of the receiver: its response to pulses and to white noise.
+
+This module imports `scipy.signal`, which takes 0.9 s.
+"""
 
 from __future__ import annotations
 
@@ -16,32 +19,34 @@ from pdpatrol.sensing.nature.pulses import DECAY_S, FREQUENCY_HZ, damped_pulse
 from pdpatrol.sensing.receiver.sampling import NoiseFilter, PulseTable, Trigger
 
 FILTER_ORDER = 6
-"""Order of the Butterworth prototype: the default band takes 54 dB from the interferer of the Dir-MUSIC paper at 948
-MHz, and the filter settles within a gate."""
+"""Order of the Butterworth prototype. With the default band, the filter attenuates the interferer of the Dir-MUSIC
+paper at 948 MHz by 54 dB, and settles within a gate."""
 
 PHASES = 128
-"""Parts of a sample in which the filtered pulse is tabulated; times are rounded to 0.003 rad at 2 GHz and 20 GS/s."""
+"""Number of sub-sample delays at which the filtered pulse is tabulated; at 2 GHz and 20 GS/s, rounding to these delays
+changes the phase by up to 0.003 rad."""
 
 MOST_BANDS = 8
-"""Most bands of a pulse where the gain depends on frequency; 114 MHz each with the default band."""
+"""Maximum number of bands into which a pulse is divided if the gain depends on frequency; they are 114 MHz apart with
+the default band."""
 
 SIGNAL_STEP = 0.02
-"""Step of the table of trigger probabilities, over the standard deviation of the noise."""
+"""Step of the table of trigger probabilities, in standard deviations of the noise."""
 
 
 @lru_cache(maxsize=16)
 def front_end(sample_rate_hz: float, band_hz: tuple[float, float] | None, gate_samples: int) -> FrontEnd:
-    """Return the front end for some settings, with tables that are computed once."""
+    """Return the front end for given settings; it is cached, so that its tables are computed only once."""
     return FrontEnd(sample_rate_hz, band_hz, gate_samples)
 
 
 class FrontEnd:
-    """Band-pass filter.
+    """Band-pass filter in front of the ADC.
 
     Args:
         sample_rate_hz: Samples per second of the ADC.
-        band_hz: Frequencies of 3 dB loss; None for no filter and white noise.
-        gate_samples: Length of the gate.
+        band_hz: The two 3 dB frequencies; None for no filter, so that the noise is white.
+        gate_samples: Length of the gate in samples.
     """
 
     def __init__(self, sample_rate_hz: float, band_hz: tuple[float, float] | None, gate_samples: int) -> None:
@@ -52,7 +57,7 @@ class FrontEnd:
             self._sections = np.ascontiguousarray(sections, np.float64)
 
     def filter(self, samples: FloatArray) -> FloatArray:
-        """Filter along the last axis, starting from rest; same shape."""
+        """Filter samples along the last axis, starting from rest; the result has the same shape."""
         return np.asarray(sosfilt(self._sections, samples)) if self._sections.size else samples
 
     def response(self, frequency_hz: float) -> float:
@@ -62,16 +67,16 @@ class FrontEnd:
         return float(np.abs(sosfreqz(self._sections, [frequency_hz], fs=self.sample_rate_hz)[1][0]))
 
     def noise_filter(self, std_v: float) -> NoiseFilter:
-        """Return the filter with white noise of a standard deviation in front of it."""
+        """Return the filter with white noise of a given standard deviation at its input."""
         return NoiseFilter(std_v, self._sections, self._settled)
 
     @cached_property
     def _settled(self) -> FloatArray:
-        """Square root of the covariance of the state in white noise, as of `NoiseFilter`."""
+        """Square root of the covariance of the filter state in white noise, as in `NoiseFilter`."""
         n = 2 * len(self._sections)
         if n == 0:
             return np.empty((0, 0))
-        # One step of the filter for each state on its own, and for a sample of 1 at rest.
+        # One step of the filter from each unit state, and from rest with an input sample of 1.
         states = np.eye(n, n + 1).reshape(-1, 2, n + 1).transpose(0, 2, 1)
         _, stepped = sosfilt(self._sections, np.eye(n + 1)[:, n:], zi=states)
         stepped = np.transpose(stepped, (0, 2, 1)).reshape(n, n + 1)
@@ -82,10 +87,10 @@ class FrontEnd:
 
     @cached_property
     def _impulse_response(self) -> FloatArray:
-        """Impulse response, cut off where a millionth of its energy remains."""
+        """Impulse response, truncated where a millionth of its energy remains."""
         if not self._sections.size:
             return np.ones(1)
-        impulse = np.zeros(2**16)  # even the narrowest band settles
+        impulse = np.zeros(2**16)  # long enough for the narrowest band
         impulse[0] = 1.0
         response = self.filter(impulse)
         remaining = np.square(response)[::-1].cumsum()[::-1]
@@ -105,20 +110,20 @@ class FrontEnd:
 
     @cached_property
     def energy_spread(self) -> float:
-        """Variance of the noise energy of a gate over 2 sigma^4; gate_samples for white noise."""
+        """Variance of the noise energy of a gate, divided by 2 sigma^4; equal to `gate_samples` for white noise."""
         lags = np.arange(1, self.gate_samples)
         squared = np.square(self.correlation)
         return float(self.gate_samples * squared[0] + 2 * ((self.gate_samples - lags) * squared[1:]).sum())
 
     @cached_property
     def noise_on_pulse(self) -> float:
-        """Variance of the noise along the filtered pulse, over that of one sample; 1 for white noise."""
+        """Variance of the noise projected on the filtered pulse, relative to that of one sample; 1 for white noise."""
         pulse = self.pulse(np.arange(self.gate_samples, dtype=np.float64))
         own = np.correlate(pulse, pulse, mode="full")[pulse.size - 1 :]
         return float((own[0] + 2 * (own[1:] * self.correlation[1:]).sum()) / own[0])
 
     def trigger(self, noise_v: float, level_v: float) -> Trigger:
-        """Return the trigger for white noise of a standard deviation in front of the filter, and a level."""
+        """Return the trigger for a level and for white noise of a given standard deviation at the filter's input."""
         filtered_v = noise_v * float(np.sqrt(self.noise_power))
         level = level_v / filtered_v
         signal = SIGNAL_STEP * np.arange(int(np.ceil(level / SIGNAL_STEP)) + 1)
@@ -126,14 +131,15 @@ class FrontEnd:
         return Trigger(level_v, filtered_v, self.correlation, probability, SIGNAL_STEP * filtered_v)
 
     def threshold_over_noise(self, false_alarm_rate_hz: float, n_elements: int) -> float:
-        r"""Return the level, over the standard deviation of the filtered noise, that noise crosses at a given rate.
+        r"""Return the trigger level for a false alarm rate, in standard deviations of the filtered noise.
 
-        A Gaussian sequence with correlation :math:`\rho` from sample to sample rises through T, and falls through -T,
-        with the probability :math:`2 \, T_O(T / \sigma, \sqrt{(1 - \rho) / (1 + \rho)})` each per sample, by Owen's
-        function :math:`T_O`. Crossings that follow one another within a gate count each.
+        A Gaussian sequence with correlation :math:`\rho` between neighbouring samples rises through T with the
+        probability :math:`2 \, T_O(T / \sigma, \sqrt{(1 - \rho) / (1 + \rho)})` per sample, where :math:`T_O` is Owen's
+        T function, and falls through -T with the same probability. Several crossings within a gate are counted
+        separately.
 
         Args:
-            false_alarm_rate_hz: Crossings per second in all channels together, > 0.
+            false_alarm_rate_hz: Mean number of crossings per second in all channels together, > 0.
             n_elements: Number of channels.
         """
         correlation = float(self.correlation[1]) if self.gate_samples > 1 else 0.0
@@ -147,7 +153,7 @@ class FrontEnd:
 
     @cached_property
     def _pulse(self) -> FloatArray:
-        """Response to a pulse of 1 V, `PHASES` values a sample, from its arrival on; zero at the end."""
+        """Response to a pulse of 1 V, `PHASES` values per sample, starting at its arrival; 0 at the end."""
         return self._tabulated(0.0)
 
     def _tabulated(self, phase_rad: float) -> FloatArray:
@@ -156,11 +162,11 @@ class FrontEnd:
         filtered = self.filter(damped_pulse(sample / self.sample_rate_hz, phase_rad))
         late = filtered.T[:, ::-1].ravel()  # value k is at (k - (PHASES - 1)) / PHASES samples after arrival
         table = np.append(late[PHASES - 1 :], 0.0)
-        table[0] = 0.0  # earlier times read the first value, later ones the last
+        table[0] = 0.0  # earlier times use the first value, later ones the last
         return table
 
     def pulse(self, sample: FloatArray) -> FloatArray:
-        """Return the filtered pulse at samples after its arrival, any shape; 0 before. Its peak is `pulse_peak`."""
+        """Return the filtered pulse at times after its arrival, in samples, any shape; it is 0 before the arrival."""
         return self._pulse.take((PHASES * sample + 0.5).astype(np.intp), mode="clip")
 
     @cached_property
@@ -170,23 +176,24 @@ class FrontEnd:
 
     @cached_property
     def pulse_lag(self) -> float:
-        """Samples from the arrival of a pulse to where it first reaches half its peak."""
+        """Number of samples from the arrival of a pulse to where it first reaches half its peak."""
         return float(np.argmax(np.abs(self._pulse) >= 0.5 * self.pulse_peak)) / PHASES
 
     @cached_property
     def pulse_table(self) -> PulseTable:
-        """Filtered pulse in one band."""
+        """Table of the filtered pulse as a single band."""
         sine_v, cosine_v = (_by_phase(table)[np.newaxis] for table in (self._pulse, self._tabulated(0.5 * np.pi)))
         return PulseTable(sine_v, cosine_v, 0, np.ones(1), self.sample_rate_hz)
 
     def bands_hz(self, known_hz: FloatArray) -> FloatArray:
-        """Choose the frequencies of the bands where the gain depends on frequency, shape (n_bands,).
+        """Choose the frequencies of the bands for a gain that depends on frequency, shape (n_bands,).
 
-        They are those within the band-pass at which the gain is known, and the nearest ones beyond, or `MOST_BANDS` at
-        equal steps if these are more.
+        These are the frequencies within the band-pass at which the gain is known, and the limits of the band-pass,
+        clipped to the known frequencies. If these are more than `MOST_BANDS`, that number of evenly spaced frequencies
+        is used instead.
 
         Args:
-            known_hz: Frequencies at which the gain is known, ascending; it is linear in between.
+            known_hz: Frequencies at which the gain is known, ascending; the gain is linear in between.
         """
         low_hz, high_hz = self.band_hz or (known_hz[0], known_hz[-1])
         within = known_hz[(low_hz <= known_hz) & (known_hz <= high_hz)]
@@ -196,16 +203,17 @@ class FrontEnd:
 
     @lru_cache(maxsize=4)  # noqa: B019 - front ends are kept anyway
     def pulse_in_bands(self, *bands_hz: float) -> PulseTable:
-        """Divide the filtered pulse into bands, whose sum, each times its gain, is the pulse behind a linear gain.
+        """Divide the filtered pulse into bands, so that the sum of bands times gains is the pulse after a gain.
 
-        The share of a band in the spectrum falls linearly from 1 at its own frequency to 0 at those of its neighbours,
-        without a phase. So a band begins before the arrival, and the less so the wider it is.
+        The gain is linear in frequency between the bands. The weight of a band falls linearly from 1 at its own
+        frequency to 0 at those of its neighbours, with zero phase. A band therefore begins before the arrival of the
+        pulse; the wider the band, the shorter this lead.
 
         Args:
             bands_hz: Frequencies of the bands, ascending.
         """
         tables = self._pulse, self._tabulated(0.5 * np.pi)
-        lead = round(12e-9 * self.sample_rate_hz)  # holds all but 1 % of each of eight bands in 800 MHz
+        lead = round(12e-9 * self.sample_rate_hz)  # contains all but 1 % of each of eight bands in 800 MHz
         n_pulse = tables[0].size
         n = (-(-n_pulse // PHASES) + 2 * lead) * PHASES
         frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / (PHASES * self.sample_rate_hz)), dtype=np.float64)
@@ -218,6 +226,6 @@ class FrontEnd:
 
 
 def _by_phase(table: FloatArray) -> FloatArray:
-    """Arrange `PHASES` values a sample with a row for each phase, shape (PHASES, n_samples)."""
+    """Arrange a table of `PHASES` values per sample with one row per phase, shape (PHASES, n_samples)."""
     n_samples = -(-table.size // PHASES)
     return np.ascontiguousarray(np.pad(table, (0, n_samples * PHASES - table.size)).reshape(n_samples, PHASES).T)

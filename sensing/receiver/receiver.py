@@ -1,4 +1,4 @@
-"""Model of a receiver: noise, trigger level, gate and readings as they follow from its configuration."""
+"""Model of a receiver: noise, trigger level, gate and readings, derived from its configuration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Receiver:
-    """Receiver with a number of channels.
+    """Multichannel receiver.
 
     Args:
         config: Configuration.
@@ -37,7 +37,7 @@ class Receiver:
 
     @cached_property
     def front_end(self) -> FrontEnd:
-        """Band-pass."""
+        """Band-pass filter."""
         from pdpatrol.sensing.receiver.front_end import front_end  # imports scipy.signal, which takes 0.9 s
 
         config = self.config
@@ -47,27 +47,27 @@ class Receiver:
 
     @property
     def step_v(self) -> float:
-        """Voltage of one count of the ADC."""
+        """Voltage of one ADC count."""
         return self.config.full_scale_v / (2 ** (self.config.bits - 1) - 1)
 
     @property
     def filtered_noise_v(self) -> float:
-        """Standard deviation of the noise behind the band-pass."""
+        """Standard deviation of the noise after the band-pass."""
         return self.config.noise_v * float(np.sqrt(self.front_end.noise_power))
 
     @cached_property
     def noise_variance_v2(self) -> float:
-        """Variance of a sample without a pulse: filtered noise, and rounding by the ADC."""
+        """Variance of a sample without a pulse: filtered noise plus quantisation by the ADC."""
         return self.filtered_noise_v**2 + self.step_v**2 / 12
 
     @cached_property
     def threshold_v(self) -> float:
-        """Trigger level that noise alone crosses `false_alarm_rate_hz` times a second in all channels together."""
+        """Trigger level that noise alone crosses `false_alarm_rate_hz` times per second in all channels together."""
         rate_hz = self.config.false_alarm_rate_hz
         return self.filtered_noise_v * self.front_end.threshold_over_noise(rate_hz, self.n_elements)
 
     def sampler(self, array: HelicalArray) -> Sampler:
-        """Return the receiver from the feeds of an array to the gate."""
+        """Return the parameters of the receiver from the antenna feeds of an array to the gate."""
         config, front_end, rate_hz = self.config, self.front_end, self.config.sample_rate_hz
         aperture, decay = round(array.aperture_m / SPEED_OF_LIGHT_MPS * rate_hz), round(2 * DECAY_S * rate_hz)
         n_echo, window = round(config.longest_echo_s * rate_hz), max(config.gate_samples // 2, 1)
@@ -89,7 +89,7 @@ class Receiver:
         )
 
     def reading(self) -> GateReading:
-        """Return the parameters of the ADC and of the readings of a gate."""
+        """Return the parameters of the ADC, and those of the readings taken from a gate."""
         config, front_end, n = self.config, self.front_end, self.config.gate_samples
         band_lines, bands = np.empty((0, 0, n)), (np.empty(0), np.empty(0), np.empty(0))
         if config.band_edges_hz:
@@ -101,7 +101,7 @@ class Receiver:
         return GateReading(self.step_v, highest, config.mains_hz, spread, front_end.noise_on_pulse, band_lines, *bands)
 
     def grid(self, array: HelicalArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return the grid of gains of an array as of `ArrayTable.of`; None for a pattern in the plane."""
+        """Return the grid of gains of an array for `ArrayTable.of`; None for a pattern in the plane."""
         if not isinstance(array.pattern, SpatialPattern):
             return None
         pulse, bands_hz = self.sampler(array).pulse, self.front_end.bands_hz(array.pattern.frequency_hz)
@@ -111,13 +111,13 @@ class Receiver:
     def channels(
         self, time_s: float, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray
     ) -> Channels:
-        """Return the state of the channels at a time, with the faults that have begun and the carriers.
+        """Return the state of the channels at a given time, including carriers and the faults that have begun.
 
         Args:
             time_s: Simulated time.
             carriers: Carriers.
             array: The array.
-            world_from_array: Pose of the array, shape (4, 4), on which the carriers depend.
+            world_from_array: Pose of the array, shape (4, 4), on which the received carriers depend.
         """
         n, shape = self.n_elements, (len(carriers), self.n_elements)
         tone_v, tone_rad, turn_rad = np.empty(shape), np.empty(shape), np.empty(len(carriers))
@@ -140,14 +140,14 @@ class Receiver:
             if fault.kind == "saturation" and fault.level_v is not None:
                 channels.limit_v[channel] = fault.level_v
             elif fault.kind == "stuck":
-                channels.stuck_v[channel] = 0.25 * self.config.full_scale_v  # assumed; any constant does the same
+                channels.stuck_v[channel] = 0.25 * self.config.full_scale_v  # assumed; any constant has the same effect
             elif fault.kind == "swapped" and fault.other is not None:
                 pair = [channel, fault.other - 1]
                 channels.source[pair] = channels.source[pair[::-1]]
         return channels
 
     def signal_factors(self, time_s: float) -> FloatArray:
-        """Return the factors of the signals in front of the noise at a time, by faults, shape (n_elements,)."""
+        """Return the factors by which faults scale the signals, before noise, at a given time, shape (n_elements,)."""
         factors = np.ones(self.n_elements)
         for fault in self.config.faults:
             since_s, channel = time_s - fault.start_s, fault.channel - 1

@@ -1,24 +1,26 @@
-"""Sampling of one emission: from its arrivals to the gate that it fills, in compiled functions.
+"""Compiled functions that sample one emission, from its arrivals to the gate.
 
-A receiver samples without end, but only windows around the arrivals of an emission are computed, and each only as far
-as it is needed. Arrays of samples have the shape (n_elements, n_samples).
+A receiver samples continuously, but only windows around the arrivals of an emission are computed, and each window only
+as far as needed. Arrays of samples have the shape (n_elements, n_samples).
 
-The trigger: the first sample in any channel whose magnitude exceeds the level. Windows are far enough apart that their
-noises are independent. Most windows of weak emissions hardly ever trigger, and for them the outcome is drawn before any
-noise (importance sampling):
+The first sample, in any channel, whose magnitude exceeds the level triggers the receiver. Windows are so far apart that
+their noises are independent. Most windows of weak emissions have a very small probability of triggering, and for these
+the outcome is drawn before any noise (importance sampling):
 
-- Let p_i be the probability that sample i alone exceeds the level, given its signal, and S their sum. If S is above
-  `LIKELY`, the window is sampled directly.
-- Otherwise, with probability 1 - S, the window is taken not to trigger.
-- Else one sample is pinned: i with probability p_i / S. Its noise is drawn from the tail beyond the level, and the
-  noise around it has the mean that the autocorrelation gives (`pin_noise`). If K samples of the window now exceed the
-  level, the window counts with probability 1 / K.
+- Let p_i be the marginal probability that sample i exceeds the level, given its signal, and S the sum of all p_i. If S
+  is above `LIKELY`, the window is sampled directly.
+- Otherwise, the window does not trigger with probability 1 - S.
+- With probability S, one sample i is pinned, chosen with probability p_i / S. Its noise is drawn from the tail beyond
+  the level, and the mean of the noise around it is shifted according to the autocorrelation (`pin_noise`). If K samples
+  of the window now exceed the level, the trigger is accepted with probability 1 / K.
 
-Every record x that triggers then occurs as often as with direct sampling, because the sum over its K samples beyond the
-level of p_i P(x | i exceeds) / K = P(x). The table of p_i is rounded up; a pinned sample is rejected in proportion.
+Every record x that triggers then occurs with the same probability as in direct sampling, because the sum of
+p_i P(x | i exceeds) / K over the K samples of x beyond the level is P(x). The tabulated p_i are rounded up, and a
+pinned sample is rejected with the corresponding probability.
 
-Members of records are read outside of loops, because Numba counts the references of all arrays in a record that it
-takes apart. Arguments are variables where they can be, because Numba compiles a function once more for each literal.
+Two details serve speed. Fields of records are read outside of loops, because Numba updates the reference counts of all
+arrays of a record when it unpacks it. Arguments are variables where possible, because Numba compiles a function again
+for each literal.
 """
 
 from __future__ import annotations
@@ -35,29 +37,30 @@ from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 from pdpatrol.sensing.radio.arrivals import Arrivals
 
 LIKELY = 0.3
-"""Expected number of samples beyond the trigger level from which on a window is sampled directly. It affects speed, not
+"""Expected number of samples beyond the trigger level above which a window is sampled directly. It affects speed, not
 the distribution of the results."""
 
 PIECE = 48
-"""Samples that are computed at once while a trigger is searched. It affects speed only."""
+"""Number of samples computed at a time during the search for a trigger. It affects only speed."""
 
 BURST_WINDOWS, BURST_SHARE, BURST_LENGTH = 4, 0.15, 3
-"""Test for a burst: between one and three times the longest echo delay after the trigger, the strongest channel has
-more than this share of the gate's power in all of four windows. Assumed; echoes do not fill all windows, and paths of a
-burst that cancel leave a quarter of its power now and then."""
+"""Parameters of the burst test: number of windows, minimum power relative to that of the gate, and end of the last
+window in units of the longest echo delay. In a burst, the strongest channel exceeds the minimum power in all windows
+between one and three times the longest echo delay after the trigger. Assumed; multipath of a pulse does not fill all
+windows, and destructive interference between the paths of a burst sometimes leaves only a quarter of its power."""
 
 NOT_TRIGGERED, IS_PULSE, IS_BURST = 0, 1, 2
 
 
 class PulseTable(NamedTuple):
-    """Pulse of 1 V behind the band-pass, divided into bands that add up to it.
+    """Pulse of 1 V after the band-pass, divided into bands that add up to the pulse.
 
     Attributes:
-        sine_v: Shape (n_bands, n_phases, n_samples). Row k of a band begins k / n_phases of a sample after the first
-            known value; the pulse is 0 before and behind.
-        cosine_v: The same for an oscillation that is a quarter of a turn ahead.
-        lead: Samples from the first known value to the arrival.
-        steady_share: Share of each band in a steady wave at the frequency of the pulses, shape (n_bands,).
+        sine_v: Samples of the pulse, shape (n_bands, n_phases, n_samples). Row k of a band begins k / n_phases of a
+            sample after the first tabulated value; the pulse is 0 before and after the table.
+        cosine_v: The same for a pulse whose oscillation leads by a quarter of a period.
+        lead: Number of samples from the first tabulated value to the arrival.
+        steady_share: Weight of each band in a continuous wave at the frequency of the pulses, shape (n_bands,).
         rate_hz: Samples per second.
     """
 
@@ -69,11 +72,11 @@ class PulseTable(NamedTuple):
 
 
 class NoiseFilter(NamedTuple):
-    """White noise and the band-pass behind it.
+    """White noise followed by the band-pass.
 
     Attributes:
         std_v: Standard deviation of a sample before the filter.
-        sections: Second-order sections b0, b1, b2, 1, a1, a2, shape (n_sections, 6); none without a filter.
+        sections: Second-order sections b0, b1, b2, 1, a1, a2, shape (n_sections, 6); n_sections is 0 without a filter.
         settled: Square root of the covariance of the filter's state in white noise of unit variance, shape
             (2 n_sections, 2 n_sections).
     """
@@ -88,11 +91,11 @@ class Trigger(NamedTuple):
 
     Attributes:
         level_v: Magnitude that a sample must exceed.
-        noise_v: Standard deviation of the noise behind the band-pass.
-        correlation: Autocorrelation of that noise over the lags from 0 on, shape (n_lags,); 0 beyond.
-        probability: Probability that a sample exceeds the level, for signals in steps of `step_v` from 0 on, shape
-            (n_steps,); 1 beyond.
-        step_v: Step of that table.
+        noise_v: Standard deviation of the noise after the band-pass.
+        correlation: Autocorrelation of that noise at lags 0, 1, ..., shape (n_lags,); 0 at larger lags.
+        probability: Probability that a sample exceeds the level, for signals 0, `step_v`, ..., shape (n_steps,); 1 for
+            larger signals.
+        step_v: Step of the table `probability`.
     """
 
     level_v: float
@@ -103,19 +106,19 @@ class Trigger(NamedTuple):
 
 
 class Sampler(NamedTuple):
-    """Receiver from the antennas to the gate; lengths are in samples.
+    """Parameters of a receiver from the antennas to the gate. Lengths are numbers of samples.
 
     Attributes:
-        pulse: Pulse behind the band-pass.
+        pulse: Pulse after the band-pass.
         noise: Noise and band-pass.
         trigger: Trigger.
-        before: From the start of a gate to where its strongest channel reaches half its peak.
-        aperture: Largest difference of arrivals at two elements.
-        rise: From an arrival to behind the peak of the pulse.
-        peak: From the trigger to behind the peaks in all channels.
+        before: Length from the start of a gate to where its strongest channel reaches half its peak.
+        aperture: Largest difference between the arrivals at two elements.
+        rise: Length from an arrival until after the peak of the pulse.
+        peak: Length from the trigger until after the peaks in all channels.
         gate: Length of a gate.
-        burst_first: From the start of a gate to the first window of the burst test.
-        burst_step: From one window of the burst test to the next.
+        burst_first: Length from the start of a gate to the first window of the burst test.
+        burst_step: Length from one window of the burst test to the next.
         burst_window: Length of a window of the burst test.
     """
 
@@ -133,16 +136,16 @@ class Sampler(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """State of the channels, and the carriers behind the band-pass as they receive them.
+    """State of the channels, and the carriers that they receive, after the band-pass.
 
     Attributes:
         limit_v: Voltage at which the amplifier saturates, shape (n_elements,); infinite if it does not.
-        background_v2: Power of a sample without emission, shape (n_elements,).
-        source: Channel whose samples this one reports, shape (n_elements,): its own unless plugs are swapped.
+        background_v2: Mean power of a sample without an emission, shape (n_elements,).
+        source: Channel whose samples each channel reports, shape (n_elements,): its own unless plugs are swapped.
         stuck_v: Constant output of a stuck ADC, shape (n_elements,); NaN if it is not stuck.
         tone_v: Amplitudes of the carriers, shape (n_carriers, n_elements).
         tone_rad: Phases of the carriers, shape (n_carriers, n_elements).
-        turn_rad: Change of phase of the carriers from sample to sample, shape (n_carriers,).
+        turn_rad: Phase increment of the carriers per sample, shape (n_carriers,).
     """
 
     limit_v: FloatArray
@@ -155,13 +158,13 @@ class Channels(NamedTuple):
 
 
 class Signal(NamedTuple):
-    """Everything that arrives with one emission, apart from noise.
+    """All arrivals of one emission, without noise.
 
     Attributes:
-        peak_v: Peak of the emission 1 m away in a unit-gain channel before the band-pass, with its sign.
+        peak_v: Signed peak of the emission in a unit-gain channel 1 m from the source, before the band-pass.
         burst_s: Duration of a burst; 0 for a pulse.
         delay_s: Travel times, shape (n_paths, n_elements).
-        amplitude: Complex amplitudes as of `Arrivals`, shape (n_paths, n_elements, n_bands).
+        amplitude: Complex amplitudes as in `Arrivals`, shape (n_paths, n_elements, n_bands).
     """
 
     peak_v: float
@@ -174,13 +177,13 @@ class Window(NamedTuple):
     """Samples around an arrival, computed as far as they are needed.
 
     Attributes:
-        start_s: Time of the first sample since the emission.
+        start_s: Time of the first sample, relative to the emission.
         start_rad: Phases of the carriers at that sample, shape (n_carriers,).
-        search_end: End of the samples that may trigger; the first of them is number `Sampler.before`.
-        volts: Samples, shape (n_elements, n_samples); 0 where they have not been computed, but for what a pinned
-            sample adds to the noise.
-        filled: Numbers of samples that have their signal, and that have their noise too, shape (2,).
-        state: State of the noise filter behind the last sample with noise, shape (n_sections, 2, n_elements).
+        search_end: Index after the last sample that may trigger; the first that may trigger is `Sampler.before`.
+        volts: Samples, shape (n_elements, n_samples). Samples not computed yet hold 0, or the shift of the noise that a
+            pinned sample causes.
+        filled: Number of samples with signal, and number of samples with signal and noise, shape (2,).
+        state: State of the noise filter after the last sample with noise, shape (n_sections, 2, n_elements).
     """
 
     start_s: float
@@ -197,10 +200,10 @@ def add_emission(channel_v: FloatArray, e: int, start_s: float, signal: Signal, 
 
     Args:
         channel_v: Samples of the channel.
-        e: Number of the channel.
-        start_s: Time of the first sample since the emission.
+        e: Index of the channel.
+        start_s: Time of the first sample, relative to the emission.
         signal: The emission.
-        pulse: Pulse behind the band-pass.
+        pulse: Pulse after the band-pass.
     """
     peak_v, burst_s, delay_s, amplitude = signal
     sine_v, cosine_v, lead, steady_share, rate_hz = pulse
@@ -219,10 +222,10 @@ def add_emission(channel_v: FloatArray, e: int, start_s: float, signal: Signal, 
                     channel_v[t] += wave_v.real * math.sin(turn_rad) + wave_v.imag * math.cos(turn_rad)
         else:
             at = int(np.floor(n_phases * (since_s * rate_hz + lead) + 0.5))
-            skipped, phase = at // n_phases, at % n_phases  # samples from the first of the table to the first here
+            skipped, phase = at // n_phases, at % n_phases  # samples from the table's first to the first here
             first = max(0, -skipped)
             n = np.uint64(max(0, min(channel_v.size, n_known - skipped) - first))
-            here, known = np.uint64(first), np.uint64(first + skipped)  # unsigned: indices are not checked for signs
+            here, known = np.uint64(first), np.uint64(first + skipped)  # unsigned: no checks for negative indices
             for b in range(amplitude.shape[2]):
                 wave_v = peak_v * amplitude[p, e, b]
                 for t in range(n):
@@ -233,7 +236,7 @@ def add_emission(channel_v: FloatArray, e: int, start_s: float, signal: Signal, 
 
 @compiled_inner
 def add_tones(channel_v: FloatArray, e: int, offset: int, channels: Channels, start_rad: FloatArray) -> None:
-    """Add carriers to channel e, whose first sample is `offset` samples after the phases `start_rad`."""
+    """Add the carriers to channel e; `start_rad` are their phases `offset` samples before its first sample."""
     for c in range(start_rad.size):
         for t in range(channel_v.size):
             now_rad = start_rad[c] + (offset + t) * channels.turn_rad[c]
@@ -242,7 +245,7 @@ def add_tones(channel_v: FloatArray, e: int, offset: int, channels: Channels, st
 
 @compiled
 def settle(noise: NoiseFilter, rng: np.random.Generator, state: FloatArray) -> None:
-    """Draw the stationary state of the filter in white noise, shape (n_sections, 2, n_elements)."""
+    """Draw a stationary state of the filter in white noise into `state`, shape (n_sections, 2, n_elements)."""
     n_states, n_elements = noise.settled.shape[0], state.shape[2]
     drawn = np.empty(n_elements)
     state[:] = 0.0
@@ -258,7 +261,7 @@ def settle(noise: NoiseFilter, rng: np.random.Generator, state: FloatArray) -> N
 def add_noise(
     noise: NoiseFilter, rng: np.random.Generator, state: FloatArray, volts: FloatArray, first: int, end: int
 ) -> None:
-    """Add filtered noise to samples `first` to `end` of all channels; the state of the filter advances."""
+    """Add filtered noise to the samples from `first` up to `end` of all channels, and advance the filter state."""
     n_elements, sections = volts.shape[0], noise.sections
     row = np.empty(n_elements)
     for t in range(first, end):
@@ -278,16 +281,16 @@ def add_noise(
 
 @compiled_inner
 def tail_probability(sigmas: float) -> float:
-    """Return the probability that a standard normal number is larger."""
+    """Return the probability that a standard normal variable exceeds `sigmas`."""
     return 0.5 * math.erfc(sigmas * math.sqrt(0.5))
 
 
 @compiled_inner
 def draw_tail(sigmas: float, rng: np.random.Generator) -> float:
-    """Draw a standard normal number larger than `sigmas`.
+    """Draw a standard normal variable conditioned on being larger than `sigmas`.
 
-    By rejection from an exponential distribution (C. P. Robert, Simulation of truncated normal variables, 1995); below
-    0.5 by rejection from normal numbers.
+    The method is rejection from an exponential distribution (C. P. Robert, Simulation of truncated normal variables,
+    1995); for `sigmas` below 0.5, it is rejection from the normal distribution.
     """
     if sigmas < 0.5:
         drawn = rng.standard_normal()
@@ -303,7 +306,7 @@ def draw_tail(sigmas: float, rng: np.random.Generator) -> float:
 
 @compiled_inner
 def pin_noise(channel_v: FloatArray, at: int, sample_v: float, correlation: FloatArray) -> None:
-    """Set one sample of a channel, and add the change of the mean of the noise around it to its neighbours."""
+    """Set one sample of a channel, and add the resulting change of the conditional mean to its neighbours."""
     added_v = sample_v - channel_v[at]
     for t in range(max(0, at - correlation.size + 1), min(channel_v.size, at + correlation.size)):
         channel_v[t] += added_v * correlation[abs(t - at)]
@@ -311,7 +314,7 @@ def pin_noise(channel_v: FloatArray, at: int, sample_v: float, correlation: Floa
 
 @compiled_inner
 def fill_signal(window: Window, end: int, signal: Signal, pulse: PulseTable, channels: Channels) -> None:
-    """Compute the signal of a window up to a sample."""
+    """Compute the signal of a window up to a given sample."""
     first, volts = window.filled[0], window.volts
     if end > first:
         start_s = window.start_s + first / pulse.rate_hz
@@ -325,7 +328,7 @@ def fill_signal(window: Window, end: int, signal: Signal, pulse: PulseTable, cha
 def fill(
     window: Window, end: int, signal: Signal, sampler: Sampler, channels: Channels, rng: np.random.Generator
 ) -> None:
-    """Compute signal and noise of a window up to a sample."""
+    """Compute signal and noise of a window up to a given sample."""
     first = window.filled[1]
     if end > first:
         fill_signal(window, end, signal, sampler.pulse, channels)
@@ -337,14 +340,18 @@ def fill(
 
 @compiled_inner
 def trigger_probability(trigger: Trigger, signal_v: float) -> float:
-    """Return the probability that a sample with a signal, rounded up to the next step, exceeds the level."""
+    """Return the probability that a sample exceeds the level, for a signal rounded up to the next table step."""
     step = math.ceil(abs(signal_v) / trigger.step_v)
     return trigger.probability[step] if step < trigger.probability.size else 1.0
 
 
 @compiled_inner
 def count_crossings(volts: FloatArray, first: int, end: int, limit_v: FloatArray, level_v: float) -> tuple[int, int]:
-    """Return the first of samples `first` to `end` beyond the level, or -1, and the number of all such samples."""
+    """Search the samples from `first` up to `end` for those beyond the level.
+
+    Returns:
+        Index of the first such sample, or -1, and number of such samples in all channels.
+    """
     crossing, n = -1, 0
     for e in range(limit_v.size):
         if limit_v[e] > level_v:
@@ -359,7 +366,7 @@ def count_crossings(volts: FloatArray, first: int, end: int, limit_v: FloatArray
 
 @compiled_inner
 def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channels: Channels, trigger: Trigger) -> float:
-    """Return the expected number of samples beyond the level, S; it is not counted further beyond `LIKELY`."""
+    """Return S, the expected number of samples beyond the level; the summation stops when it exceeds `LIKELY`."""
     expected, first, limit_v, volts = 0.0, sampler.before, channels.limit_v, window.volts
     while first < window.search_end and expected <= LIKELY:
         end = min(first + PIECE, window.search_end)
@@ -377,7 +384,7 @@ def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channel
 def pin_sample(
     window: Window, remaining: float, signal: Signal, sampler: Sampler, channels: Channels, rng: np.random.Generator
 ) -> bool:
-    """Pin the sample at which the sum of the probabilities passes `remaining`, and fill the window around it.
+    """Pin the sample at which the cumulative probability reaches `remaining`, and fill the window around it.
 
     Returns:
         False if the sample is rejected.
@@ -413,18 +420,18 @@ def pin_sample(
 def find_trigger(
     window: Window, chance: float, signal: Signal, sampler: Sampler, channels: Channels, rng: np.random.Generator
 ) -> int:
-    """Search the first sample of a window beyond the level, by the law at the head of this module.
+    """Find the sample of a window that triggers, by the method described at the top of this module.
 
     Args:
-        window: Filled as far as needed.
-        chance: Random number in [0, 1) that decides about a window that hardly ever triggers.
+        window: The window; filled as far as needed.
+        chance: Uniform random number in [0, 1) that decides whether an unlikely trigger occurs.
         signal: Emission.
         sampler: Receiver up to the gate.
         channels: State of the channels, and carriers.
         rng: Generator.
 
     Returns:
-        Number of the sample, or -1.
+        Index of the sample, or -1.
     """
     trigger, before, end, limit_v = sampler.trigger, sampler.before, window.search_end, channels.limit_v
     expected = expected_crossings(window, signal, sampler, channels, trigger)
@@ -452,10 +459,11 @@ def read_out(
     rng: np.random.Generator,
     gate_v: FloatArray,
 ) -> int:
-    """Fill the gate after a trigger and test for a burst; arguments and results as those of `sample_emission`.
+    """Fill the gate after a trigger, and test for a burst; arguments and result as in `sample_emission`.
 
-    The gate starts `before` samples ahead of where the strongest channel reaches half its peak, because a crossing is
-    the earlier the stronger the pulse. In a burst, the strongest channel has a mean power in all windows of the test.
+    The gate starts `before` samples ahead of where the strongest channel reaches half its peak. The trigger itself is
+    not a suitable reference, because stronger pulses cross the level earlier. In a burst, the mean power of the
+    strongest channel exceeds a limit in all windows of the test.
     """
     before, n_gate, n_window, noise = sampler.before, sampler.gate, sampler.burst_window, sampler.noise
     volts, limit_v = window.volts, channels.limit_v
@@ -495,7 +503,7 @@ def read_out(
 
 @compiled_inner
 def draw_phases(n: int, rng: np.random.Generator) -> FloatArray:
-    """Draw the phases of carriers."""
+    """Draw the phases of n carriers, shape (n,)."""
     start_rad = np.empty(n)
     for c in range(n):
         start_rad[c] = 2.0 * np.pi * rng.random()
@@ -514,16 +522,16 @@ def sample_emission(
 ) -> int:
     """Sample an emission, and fill the gate if it triggers.
 
-    Each arrival has a window; windows whose gates or noise would overlap are one.
+    Each arrival has a window; windows whose gates or noise would overlap are merged.
 
     Args:
-        peak_v: Peak of the emission, as of `Signal`.
+        peak_v: Peak of the emission, as in `Signal`.
         burst_s: Duration of a burst, 0 for a pulse.
         arrivals: Arrivals of the emission.
         sampler: Receiver up to the gate.
         channels: State of the channels, and carriers.
         rng: Generator.
-        gate_v: Filled in, shape (n_elements, n_gate), as the ADC gets it.
+        gate_v: Output: samples at the input of the ADC, shape (n_elements, n_gate).
 
     Returns:
         `NOT_TRIGGERED`, `IS_PULSE` or `IS_BURST`.
@@ -532,12 +540,12 @@ def sample_emission(
     before, aperture = sampler.before, sampler.aperture
     signal = Signal(peak_v, burst_s, arrivals.delay_s, arrivals.amplitude)
     first_rad = draw_phases(n_tones, rng)
-    clock = rng.random()  # fraction of a sample by which the sampling clock is late
+    clock = rng.random()  # delay of the sampling clock, in samples
     is_new, begin, first_begin, bound_v, tones_v = True, 0, 0, 0.0, 0.0
     for c in range(n_tones):
         tones_v += channels.tone_v[c].max()
     peak_s = arrivals.peak_s.copy()
-    for k in range(peak_s.size):  # in the order of time
+    for k in range(peak_s.size):  # in order of time
         p = peak_s.argmin()
         at = math.floor(peak_s[p] * rate_hz - clock)
         peak_s[p] = np.inf
@@ -553,7 +561,7 @@ def sample_emission(
         if next_start < begin + end + trigger.correlation.size:
             continue
         is_new, chance, n_searched = True, rng.random(), (search_end - before) * n_elements
-        if chance < n_searched * trigger_probability(trigger, bound_v + tones_v):  # S is not larger
+        if chance < n_searched * trigger_probability(trigger, bound_v + tones_v):  # an upper bound of S
             start_rad = first_rad + (begin - first_begin) * channels.turn_rad
             state = np.empty((len(sampler.noise.sections), 2, n_elements))
             volts, filled = np.zeros((n_elements, end)), np.zeros(2, np.intp)
@@ -566,7 +574,7 @@ def sample_emission(
 
 @compiled_inner
 def sample_false_alarm(sampler: Sampler, channels: Channels, rng: np.random.Generator, gate_v: FloatArray) -> None:
-    """Fill a gate, shape (n_elements, n_gate), that noise alone has triggered: one noise sample is pinned."""
+    """Fill a gate, shape (n_elements, n_gate), that noise alone has triggered, by pinning one noise sample."""
     trigger, noise = sampler.trigger, sampler.noise
     n_elements, n_gate = gate_v.shape
     state = np.empty((len(noise.sections), 2, n_elements))
