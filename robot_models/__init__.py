@@ -1,1 +1,1 @@
-"""Robots and yards: the physical world in MuJoCo. Import its modules by name."""
+"""Robots and yards: the physical world, simulated with MuJoCo. Import its modules by name."""

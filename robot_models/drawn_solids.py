@@ -1,4 +1,4 @@
-"""Description of the visible solids of a world as plain data, to draw them without MuJoCo."""
+"""Description of the visible solids of a world as plain data, so that they can be drawn without MuJoCo."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums.
 
@@ -15,9 +15,9 @@ from pdpatrol.robot_models.yard.pieces import Equipment
 
 
 def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
-    """Describe the shapes of yard and robot.
+    """Describe the shapes of the yard and the robot.
 
-    A robot is drawn by the geoms of the first three groups, which MuJoCo's viewer shows by default.
+    Of the robot, only the geoms in groups 0 to 2 are included, which MuJoCo's viewer shows by default.
 
     Returns:
         Lists `yard` (world frame) and `robot` (frame of the robot's base, origin on the floor under the axle). Each
@@ -25,7 +25,7 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
         `quaternion_wxyz` and `rgba`.
     """
     data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)  # in the pose of the model, the base is at the world's origin
+    mujoco.mj_kinematics(model, data)  # in the reference pose, the base is at the world's origin
     shapes = ("box", "cylinder", "sphere", "ellipsoid", "capsule")
     solids: dict[str, list[dict[str, Any]]] = {"yard": [], "robot": []}
     for geom in range(model.ngeom):
@@ -51,7 +51,7 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
 
 
 def describe_equipment(pieces: Iterable[Equipment]) -> list[dict[str, Any]]:
-    """Describe the shapes of equipment that is in no world, such as errors of a map, like `describe_solids`."""
+    """Describe the shapes of equipment outside a world, such as wrong entries of a map, as in `describe_solids`."""
     spec = mujoco.MjSpec()
     for item in pieces:
         add_equipment(spec, item)

@@ -1,4 +1,4 @@
-"""Pictures of a world: the camera of the environment, its window, and pictures at given poses."""
+"""Rendering of a world: camera and window of the environment, and images at given poses."""
 # pyright: reportAttributeAccessIssue=false
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.world import CHASE
 
 WIDTH, HEIGHT = 640, 480
-"""Size of the pictures of the environment, pixels."""
+"""Size of rendered images, pixels."""
 
 
 def make_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
-    """Make a renderer of pictures of the size of the environment's.
+    """Create a renderer for images of the environment's size.
 
     Raises:
-        RuntimeError: If MuJoCo finds no OpenGL.
+        RuntimeError: If MuJoCo cannot use OpenGL.
     """
     try:
         return mujoco.Renderer(model, HEIGHT, WIDTH)
@@ -40,7 +40,11 @@ def make_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
 def take_picture(
     renderer: mujoco.Renderer, data: mujoco.MjData, camera: mujoco.MjvCamera | str = CHASE
 ) -> NDArray[Any]:
-    """Take a picture without the beams of the lidar: pixels (HEIGHT, WIDTH, 3), or depths (HEIGHT, WIDTH), metres."""
+    """Render an image without the lidar beams.
+
+    Returns:
+        Pixels, shape (HEIGHT, WIDTH, 3), or depths, shape (HEIGHT, WIDTH), metres, depending on the renderer.
+    """
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
     renderer.update_scene(data, camera, option)
@@ -52,10 +56,11 @@ class Camera:
 
     Args:
         model: The world.
-        mode: `rgb_array`, `depth_array`, or `human` for a window. Without a screen no window opens, with a warning.
+        mode: `rgb_array`, `depth_array`, or `human` for a window. Without a display, no window opens and a warning is
+            issued.
 
     Raises:
-        RuntimeError: If MuJoCo finds no OpenGL.
+        RuntimeError: If MuJoCo cannot use OpenGL.
     """
 
     def __init__(self, model: mujoco.MjModel, mode: str) -> None:
@@ -70,7 +75,7 @@ class Camera:
         elif not _has_screen():
             logging.getLogger(__name__).warning("there is no screen (DISPLAY is not set): no window is opened")
         else:
-            from mujoco import viewer  # importing it fails without a screen
+            from mujoco import viewer  # the import fails without a display
 
             before = set(threading.enumerate())
             self._window = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
@@ -80,10 +85,11 @@ class Camera:
             self._window.cam.fixedcamid = model.camera(CHASE).id
 
     def take(self, data: mujoco.MjData) -> NDArray[Any] | None:
-        """Take a picture, or update the window.
+        """Render an image, or update the window.
 
         Returns:
-            Shape (HEIGHT, WIDTH, 3), uint8, or (HEIGHT, WIDTH), float32, metres; None for a window.
+            Pixels, shape (HEIGHT, WIDTH, 3), uint8, or depths, shape (HEIGHT, WIDTH), float32, metres; None for a
+            window.
         """
         if self._window is not None:
             with self._window.lock():
@@ -92,7 +98,7 @@ class Camera:
         return None if self._renderer is None else take_picture(self._renderer, data)
 
     def close(self) -> None:
-        """Close window or renderer."""
+        """Close the window or the renderer."""
         for opened in (self._window, self._renderer):
             if opened is not None:
                 opened.close()
@@ -105,15 +111,15 @@ def _has_screen() -> bool:
 
 
 def pictures_from_behind(model: mujoco.MjModel, poses: FloatArray, view_rad: FloatArray) -> Iterator[NDArray[np.uint8]]:
-    """Yield pictures of a robot that is put at poses, without physics.
+    """Yield an image, seen from behind the robot, for each of several poses, without simulating physics.
 
     Args:
         model: The world.
         poses: Poses x m, y m, yaw rad, shape (n, 3).
-        view_rad: Directions of view, world frame, shape (n,): the robot's headings, or nearly.
+        view_rad: Viewing directions, world frame, shape (n,), usually close to the headings of the robot.
 
     Raises:
-        RuntimeError: If MuJoCo finds no OpenGL.
+        RuntimeError: If MuJoCo cannot use OpenGL.
     """
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

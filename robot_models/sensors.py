@@ -1,4 +1,4 @@
-"""Sensors that are added to every robot when a world is built: lidar beams and contact sensors of the hull."""
+"""Sensors that are added to each robot when a world is built: lidar beams, and contact sensors on the hull."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -9,23 +9,24 @@ import mujoco
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 FLOOR_CONTYPE = 1
-"""Contact bit of the floor, for wheels and casters."""
+"""Contact bit of the floor, which wheels and casters touch."""
 
 OBSTACLE_CONTYPE = 2
-"""Contact bit of equipment and fence, for the robot's hull."""
+"""Contact bit of equipment and fence, with which the robot's hull collides."""
 
 LIDAR_BEAMS = 36
-"""Number of beams of the planar lidar, evenly spaced; the first points ahead, the next counter-clockwise of it."""
+"""Number of beams of the planar lidar. They are evenly spaced and counted counter-clockwise; the first points ahead."""
 
 LIDAR_RANGE_M = 12.0
-"""Greatest range of the lidar (assumed): that of a small time-of-flight scanner."""
+"""Maximum range of the lidar (assumed; typical of a small time-of-flight scanner)."""
 
 LIDAR_PERIOD_S = 0.1
-"""Time between scans and between commands, for which contacts are stored; a whole number of physics steps."""
+"""Time between lidar scans and between commands. Contacts are stored for the same time. It is a multiple of the physics
+step."""
 
 
 def describe_lidar(robot: RobotDescription) -> dict[str, float]:
-    """Describe the lidar as plain data: number, start, height and range of the beams, and time between scans."""
+    """Describe the lidar as plain data: number, start, height and range of its beams, and time between scans."""
     return {
         "n_beams": LIDAR_BEAMS,
         "start_m": robot.lidar_start_m,
@@ -36,7 +37,7 @@ def describe_lidar(robot: RobotDescription) -> dict[str, float]:
 
 
 def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
-    """Add the beams around the base of a robot, read in the last physics step of every `LIDAR_PERIOD_S`."""
+    """Add lidar beams around the base of a robot; they are read in the last physics step of each `LIDAR_PERIOD_S`."""
     ring = mujoco.MjSpec.from_string(
         f"""<mujoco>
           <compiler angle="degree"/>
@@ -62,7 +63,7 @@ def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
 
 
 def add_contact_sensors(spec: mujoco.MjSpec) -> None:
-    """Add a sensor to each geom of a robot's hull that stores up to 6 contacts of each step of `LIDAR_PERIOD_S`."""
+    """Add a sensor to each geom of a robot's hull that stores up to 6 contacts per physics step of `LIDAR_PERIOD_S`."""
     fields = (mujoco.mjtConDataField.mjCONDATA_FOUND, mujoco.mjtConDataField.mjCONDATA_POS)
     found_and_position = sum(1 << field.value for field in fields)
     for number, geom in enumerate([geom for geom in spec.geoms if geom.conaffinity & OBSTACLE_CONTYPE]):

@@ -1,1 +1,1 @@
-"""Robots described by MJCF files: reading, validation and dimensions."""
+"""Robots described by MJCF files: reading, validation and measurement."""

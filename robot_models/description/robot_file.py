@@ -1,18 +1,19 @@
-"""Robots from MJCF files: reading, checks and measures.
+"""Robots from MJCF files: reading, validation and measurement.
 
-A file describes one robot without a world around it, in the frame of its body `base`: x forward, y left, z up, origin
-on the floor under the middle between left and right wheels. It holds
+A file describes one robot, without a world around it, in the frame of its body `base`: x forward, y left, z up, with
+the origin on the floor, midway between the left and the right wheels. It must contain
 
 - the body `base`, a child of the world, with the free joint `floating_base`;
 - one or more hinges on each side, about +y, whose names begin with `left_wheel` and `right_wheel`, in bodies with a
-  geom that stands on the floor (conaffinity 1), all of one radius; and for each an actuator which takes the speed of
-  the wheel in rad/s: `<velocity>`, or `<dcmotor input="vel">`;
-- the site `imu`, in the orientation of the base, with the sensor `gyro`; the site `lidar` above the x axis of the base,
-  at the start of the beam that points ahead: the others start at the same distance from the origin;
-- a hull: geoms that obstacles touch (conaffinity 2), and that cover the wheels as seen from above. All contype are 0;
-- the custom numerics `max_speed`, m/s, `max_yaw_rate`, rad/s, `max_acceleration`, m/s^2, each above 0; and
-  `yaw_rate_gain`, 1/s, for a robot with feedback of its gyro on the yaw rate, because its wheels skid when it turns;
-- a keyframe `home` in which it rests at the origin; without one, it is simulated until it rests.
+  geom that stands on the floor (conaffinity 1); all wheels must have the same radius. Each hinge needs an actuator that
+  takes the speed of the wheel in rad/s: `<velocity>`, or `<dcmotor input="vel">`;
+- the site `imu`, in the orientation of the base, with the sensor `gyro`, and the site `lidar` above the x axis of the
+  base, where the beam that points ahead starts; the other beams start at the same distance from the origin;
+- a hull: geoms that collide with obstacles (conaffinity 2) and that cover the wheels as seen from above. The contype of
+  all geoms must be 0;
+- the custom numerics `max_speed`, m/s, `max_yaw_rate`, rad/s, and `max_acceleration`, m/s^2, each above 0. A robot that
+  skids when it turns, and therefore controls its yaw rate with its gyro, also needs `yaw_rate_gain`, 1/s;
+- optionally a keyframe `home` in which the robot rests at the origin; without it, a simulation lets the robot settle.
 
 Lidar beams, contact sensors of the hull and antenna elements are added when a world is built: see `world.py`.
 """
@@ -44,10 +45,10 @@ from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 
 TOLERANCE_M = 0.005
-"""Tolerance of positions (assumed)."""
+"""Tolerance of positions in a robot file (assumed)."""
 
 Requirement = tuple[str, bool | np.bool_, str]
-"""Element of the file, whether it is as required, and what is required."""
+"""Element of the file, whether it meets the requirement, and the text of the requirement."""
 
 
 def load_robot(model: str | Path) -> RobotDescription:
@@ -72,17 +73,17 @@ def _shipped(name: str) -> RobotDescription:
 
 
 def read_robot(path: Path) -> RobotDescription:
-    """Read and measure a robot; see this module for the contents of its file.
+    """Read and measure a robot; the docstring of this module describes the contents of its file.
 
     Raises:
-        RobotFileError: If the file cannot be read, or does not describe a robot. Errors of its parts are listed
-            together, and so are those of its measures.
+        RobotFileError: If the file cannot be read, or does not describe a robot. All errors of its parts are listed
+            together; if there are none, all errors of its measures are.
     """
     if not path.is_file():
         raise RobotFileError([f"{path}: no such file; it must be an MJCF file"])
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(warnings.append)  # MuJoCo would print them and write them to a log file
+    mujoco.set_mju_user_warning(warnings.append)  # otherwise MuJoCo prints them and writes a log file
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         model = spec.compile()
@@ -92,7 +93,7 @@ def read_robot(path: Path) -> RobotDescription:
             return robot
     except RobotFileError:
         raise
-    except (ValueError, KeyError) as error:  # KeyError: MuJoCo names the part that is missing, and those there are
+    except (ValueError, KeyError) as error:  # a KeyError names the missing part and the existing ones
         warnings.append(str(error.args[0]))
     finally:
         mujoco.set_mju_user_warning(before)
@@ -107,7 +108,7 @@ def _refuse(path: Path, requirements: Sequence[Requirement]) -> None:
 
 
 def _numeric(model: mujoco.MjModel, name: str) -> float:
-    """Return the value of a custom numeric, NaN if it is not one number; 0 if `yaw_rate_gain` is missing."""
+    """Return the value of a custom numeric: NaN if it is not a single number, and 0 if `yaw_rate_gain` is missing."""
     is_missing = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name) < 0
     values = np.zeros(1) if is_missing and name == "yaw_rate_gain" else model.numeric(name).data
     return float(values[0]) if values.size == 1 else np.nan
@@ -151,14 +152,15 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
 
 
 def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDescription:
-    r"""Measure a robot that has all parts, and check its measures.
+    r"""Measure a robot that has all required parts, and check its measures.
 
-    A wheel a length x ahead of the middle slips sideways by x times the yaw rate. Friction is along the slip, and all
-    wheels carry the same load, so that the moments of lengthwise and sideways friction cancel for
+    The effective track of a skid-steered robot is computed as follows. A wheel at a distance x ahead of the centre
+    slips sideways at x times the yaw rate. Friction is along the slip, and all wheels are assumed to carry the same
+    load. The moments of longitudinal and lateral friction then cancel for
 
     .. math:: b' = b + 4 \overline{x^2} / b
 
-    with the track b between the wheels. It equals b if all wheels are on one axle.
+    where b is the track, the distance between left and right wheels. If all wheels are on one axle, b' equals b.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -171,7 +173,7 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
     left_m, right_m = (place_m[sides == side, :2].mean(axis=0) for side in (0, 1))
     track_m = float(left_m[1] - right_m[1])
     offset_m = place_m[:, 0] - place_m[:, 0].mean()
-    angle_rad = np.radians(np.arange(0.0, 360.0, 1.0))  # outlines are exact to 4e-5
+    angle_rad = np.radians(np.arange(0.0, 360.0, 1.0))  # outlines have a relative error below 4e-5
     level = np.stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros_like(angle_rad)], axis=-1)
     touching = np.flatnonzero(model.geom_conaffinity).tolist()
     outline_m = extents(model, data, touching, level).max(axis=0)
@@ -258,7 +260,7 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
 
 
 def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> FloatArray:
-    """Return the speeds of the wheels in the air, 1 s after 1 rad/s was commanded, shape (n_wheels,)."""
+    """Return the speeds of the wheels, lifted off the floor, 1 s after a command of 1 rad/s, shape (n_wheels,)."""
     data, gravity = mujoco.MjData(model), model.opt.gravity.copy()
     model.opt.gravity[:] = 0.0
     data.ctrl[actuators] = 1.0
@@ -268,9 +270,9 @@ def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> Float
 
 
 def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:
-    """Let a robot stand in an empty yard for 3 s (assumed), and return it with its joint positions at rest.
+    """Let a robot settle in an empty yard for 3 s (assumed), and return it with its joint positions at rest.
 
-    They are those of the keyframe, if the file has one.
+    If the file has a keyframe, the joint positions are those of the keyframe.
 
     Raises:
         ValueError: If no world can be built around the robot, for example because of a name that the world needs.

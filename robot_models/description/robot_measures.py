@@ -1,4 +1,4 @@
-"""Measures of a robot that its file does not state: its driven wheels, and the extent of its shapes."""
+"""Measures of a robot that its file does not give directly: its driven wheels, and the extent of its geoms."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums.
 
@@ -13,11 +13,11 @@ from dirmusic.arrays import FloatArray, IntArray
 
 
 def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:
-    """Find the driven wheels: hinges whose names begin with `left_wheel` and `right_wheel`, those on the left first.
+    """Find the driven wheels: hinges whose names begin with `left_wheel` or `right_wheel`, the left ones first.
 
     Returns:
-        Number of the joint of each wheel, of the first actuator of that joint (-1 without one), and its side: 0 on the
-        left, 1 on the right; each of shape (n_wheels,).
+        Index of the joint of each wheel, index of the first actuator of that joint (-1 if it has none), and side of the
+        wheel (0 for left, 1 for right), each of shape (n_wheels,).
     """
     names = [model.joint(joint).name for joint in range(model.njnt)]
     found = [
@@ -33,20 +33,21 @@ def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], directions: FloatArray) -> FloatArray:
-    r"""Compute the support of each geom about the origin of the body `base`: its extent in each direction.
+    r"""Compute the extent of each geom in each direction, from the origin of the body `base` (support function).
 
     .. math:: h(d) = \max_{p} d \cdot p
 
-    over the points p of the geom. A shape that is not a primitive or mesh of MuJoCo counts as its bounding sphere.
+    The maximum is over the points p of the geom. Other geoms than primitives and meshes are replaced by their bounding
+    spheres.
 
     Args:
         model: Model with a body `base`.
-        data: Its data after `mj_kinematics`.
-        geoms: Numbers of the geoms.
+        data: Data of the model after `mj_kinematics`.
+        geoms: Indices of the geoms.
         directions: Unit vectors, frame of the base, shape (n_directions, 3).
 
     Returns:
-        Shape (n_geoms, n_directions), metres.
+        Extents, shape (n_geoms, n_directions), metres.
     """
     base = model.body("base").id
     world_from_base = data.xmat[base].reshape(3, 3)
@@ -59,7 +60,7 @@ def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], di
 
 
 def _support(model: mujoco.MjModel, geom: int, directions: FloatArray) -> FloatArray:
-    """Compute the support of a geom about its centre, in directions (n, 3) of its frame; shape (n,)."""
+    """Compute the extents, shape (n,), of a geom from its centre, in directions of its own frame, shape (n, 3)."""
     size_m, along = model.geom_size[geom], np.abs(directions[:, 2])
     match mujoco.mjtGeom(int(model.geom_type[geom])):
         case mujoco.mjtGeom.mjGEOM_CAPSULE:

@@ -1,1 +1,1 @@
-"""Equipment of substations: shapes and colours by kind."""
+"""Substation equipment: shapes and colours by kind."""

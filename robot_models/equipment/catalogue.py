@@ -1,7 +1,8 @@
-"""Catalogue of the kinds of equipment that a yard may hold: colour, and shape if it is known.
+"""Catalogue of the kinds of equipment that a yard may contain: their colours, and for some their shapes.
 
-A new kind is a row in `KIND_COLOURS`, a row in `sensing/radio/materials.py` (a test checks that both have the same
-kinds) and, if it can be placed by its name alone, a row in `CATALOGUE` and a function in `kinds.py` that builds it.
+To add a kind, add a row to `KIND_COLOURS` and a row to `sensing/radio/materials.py` (a test checks that both have the
+same kinds). If the kind alone defines its shape, also add a function that builds it to `kinds.py`, and a row to
+`CATALOGUE`.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ Colour = tuple[float, float, float, float]
 
 
 class CatalogueShape(NamedTuple):
-    """Shape of a kind that can be placed by its name alone.
+    """Shape of a kind of equipment, for kinds that a yard can place without giving a shape.
 
     Attributes:
-        build: Function that builds it from a length along x, metres.
-        length_m: Usual length.
-        stretches: True if it may have other lengths.
+        build: Function that builds the shape from its length along x, metres.
+        length_m: Default length.
+        stretches: True if other lengths are allowed.
     """
 
     build: Callable[[float], Assembly]
@@ -41,7 +42,7 @@ CATALOGUE: dict[str, CatalogueShape] = {
     "power_transformer": CatalogueShape(kinds.power_transformer, 5.0),
     "voltage_transformer": CatalogueShape(kinds.voltage_transformer, 0.5),
 }
-"""Kinds that a yard can place by their name alone."""
+"""Kinds that a yard can place without giving a shape."""
 
 KIND_COLOURS: dict[str, Colour] = {
     **dict.fromkeys(("building", "control_building"), (0.76, 0.70, 0.62, 1.0)),
@@ -61,7 +62,7 @@ KIND_COLOURS: dict[str, Colour] = {
     "surge_arrester": (0.40, 0.42, 0.52, 1.0),
     "voltage_transformer": (0.60, 0.36, 0.24, 1.0),
 }
-"""Colours of all kinds."""
+"""Colour of each kind."""
 
 PART_COLOURS: dict[str, Colour] = {
     **dict.fromkeys(("hv_bushing", "lv_bushing", "pole", "post", "insulator"), (0.55, 0.27, 0.18, 1.0)),
@@ -70,15 +71,15 @@ PART_COLOURS: dict[str, Colour] = {
     "tube": (0.80, 0.82, 0.84, 1.0),
     "base": (0.62, 0.61, 0.58, 1.0),
 }
-"""Colours of parts that differ from those of their kind: porcelain is brown, steel grey."""
+"""Colour of each part that differs from the colour of its kind: porcelain is brown, steel is grey."""
 
 
 def colour_of(kind: str, part: str) -> Colour:
     """Return the colour of a part of a piece of equipment.
 
     Args:
-        kind: Kind of the piece; plain grey if it is not in `KIND_COLOURS`.
-        part: Name of the part; numbers at its end do not count: `post_1_2` is a post.
+        kind: Kind of the piece; kinds that are not in `KIND_COLOURS` are grey.
+        part: Name of the part; trailing numbers are ignored, so that `post_1_2` is a post.
     """
     of_kind = KIND_COLOURS.get(kind, KIND_COLOURS["wall"])
     return PART_COLOURS.get(part.rstrip("_0123456789"), of_kind)

@@ -1,1 +1,1 @@
-"""Yards as data: fence, equipment and their geometry."""
+"""Yards as plain data: fence, equipment and their geometry."""

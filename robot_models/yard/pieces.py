@@ -1,4 +1,4 @@
-"""Pieces of equipment of a yard: a plain box or cylinder, or a kind of the catalogue."""
+"""Pieces of equipment in a yard: single boxes and cylinders, and kinds from the catalogue."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pdpatrol.robot_models.yard.solids import PlacedPiece, Solid, YardSolids
 Sites = Annotated[Mapping[Name, tuple[Coordinate, Coordinate, Coordinate]], Field(max_length=MOST_SITES)]
 
 SURFACE_TOLERANCE_M = 0.01
-"""Largest distance of a site from the surface (assumed): the width of a pencil line on a yard plan."""
+"""Maximum distance of a site from the surface of its equipment (assumed): the width of a pencil line on a yard plan."""
 
 SITE_STANDOFF_M = 0.02
-"""Distance outside the surface at which a discharge on a site radiates (assumed), so that its face does not hide it."""
+"""Distance from the surface at which a discharge at a site radiates (assumed), so that the surface does not hide it."""
 
 
 class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A piece of equipment with a name, a kind, and a place on the ground."""
+    """A piece of equipment with a name, a kind, and a position on the ground."""
 
     name: Name
     position_m: tuple[Coordinate, Coordinate] = Field(description="centre of the footprint, world frame")
@@ -38,22 +38,25 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
 
     @property
     def placed(self) -> PlacedPiece:
-        """Solids of the parts, position and yaw."""
+        """Solids of the parts, with the position and yaw of the equipment."""
         return tuple(self.assembly.parts.values()), self.position_m, np.radians(self.yaw_deg)
 
     @cached_property
     def solids(self) -> YardSolids:
-        """Parts, world frame."""
+        """Solids of the parts, world frame."""
         return YardSolids.of([self.placed])
 
     def site_on_surface(self, site: str) -> FloatArray:
-        """Return where a site lies, (3,), world frame."""
+        """Return the position of a site on the surface, world frame, shape (3,)."""
         x, y, z = self.assembly.sites[site]
         cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
         return np.array([self.position_m[0] + cos * x - sin * y, self.position_m[1] + sin * x + cos * y, z])
 
     def site_position(self, site: str) -> FloatArray:
-        """Return where a discharge on `site` radiates, `SITE_STANDOFF_M` off the surface; (3,), world frame."""
+        """Return the point from which a discharge at a site radiates, world frame, shape (3,).
+
+        It is `SITE_STANDOFF_M` off the surface.
+        """
         on_surface, step = self.site_on_surface(site), 1e-4 * np.eye(3)
         after, before = (self.solids.distance(on_surface + way).min(axis=-1) for way in (step, -step))
         return on_surface + SITE_STANDOFF_M * (after - before) / np.linalg.norm(after - before)
@@ -109,7 +112,7 @@ class CylinderEquipment(_PlainEquipment, frozen=True):
 
 
 class CatalogueEquipment(_Equipment, frozen=True):
-    """Equipment of a kind of known shape and sites; see `robot_models/equipment`."""
+    """Equipment of a kind whose shape and sites are in the catalogue, see `robot_models/equipment`."""
 
     shape: Literal["catalogue"] = "catalogue"
     kind: Name
@@ -138,7 +141,7 @@ class CatalogueEquipment(_Equipment, frozen=True):
 
 def _shape_of(value: Any) -> str:  # noqa: ANN401 - what a file holds may be anything
     shape = value.get("shape", "catalogue") if isinstance(value, Mapping) else getattr(value, "shape", "catalogue")
-    return f"[{shape}]"  # no key of a file has brackets
+    return f"[{shape}]"  # keys of a file never contain brackets
 
 
 Equipment = Annotated[
