@@ -90,7 +90,7 @@ def resolve_user_code(name: str, info: ValidationInfo) -> str:
     return f"{resolve_path(file, info)}:{attribute}" if file.endswith(".py") else name
 
 
-def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON hold values of many types
+def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON values have many types
     """Convert TOML or JSON arrays to tuples, which the strict models require."""
     if isinstance(value, list | tuple):
         return tuple(as_tuples(item) for item in value)
@@ -131,7 +131,7 @@ def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
     return [*lines[:MAX_ERRORS_SHOWN], f"{n_more} more errors"] if n_more > 0 else lines
 
 
-def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN401 - a dictionary of pydantic
+def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN401 - an error dictionary of pydantic
     keys = [str(part) for part in item["loc"]]
     key = ".".join(_short(part) for part in keys if not part.startswith("["))  # tags of unions stand in brackets
     if item["type"] == "value_error":

@@ -139,7 +139,7 @@ class CatalogueEquipment(_Equipment, frozen=True):
         return shape.build(shape.length_m if self.length_m is None else self.length_m)
 
 
-def _shape_of(value: Any) -> str:  # noqa: ANN401 - what a file holds may be anything
+def _shape_of(value: Any) -> str:  # noqa: ANN401 - files may contain any value
     shape = value.get("shape", "catalogue") if isinstance(value, Mapping) else getattr(value, "shape", "catalogue")
     return f"[{shape}]"  # keys of a file never contain brackets
 

@@ -163,7 +163,7 @@ def add_face(
 
 @compiled_inner
 def is_wall(face: Row) -> bool:
-    """Return True for an upright face that reflects."""
+    """Return whether a face is upright and reflects."""
     return face.owner != GROUND and face.normal_z == 0.0 and face.flat_share > 0.0
 
 

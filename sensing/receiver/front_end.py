@@ -201,7 +201,7 @@ class FrontEnd:
         exact = np.unique(np.concatenate([[low_hz, high_hz], within]))
         return exact if exact.size <= MOST_BANDS else np.linspace(low_hz, high_hz, MOST_BANDS)
 
-    @lru_cache(maxsize=4)  # noqa: B019 - front ends are kept anyway
+    @lru_cache(maxsize=4)  # noqa: B019 - front ends are cached anyway
     def pulse_in_bands(self, *bands_hz: float) -> PulseTable:
         """Divide the filtered pulse into bands, so that the sum of bands times gains is the pulse after a gain.
 
