@@ -22,7 +22,7 @@ PeakVolt = Annotated[float, Field(ge=1e-9, le=1e4), PLAIN_ZERO]
 """Peak of a pulse 1 m from its source; 0.27 V is typical of a discharge, and no receiver is built for 10 kV."""
 
 Hertz = Annotated[float, Field(ge=1e6, le=1e12), PLAIN_ZERO]
-"""Frequency of a wave, from short-wave radio to the far infrared."""
+"""Frequency of a wave, from medium-wave radio to the far infrared."""
 
 SampleRate = Annotated[float, Field(ge=4e9, le=3e11), PLAIN_ZERO]
 """Samples per second; pulses oscillate at 1.75 GHz, and the fastest oscilloscopes take 2.56e11 samples per second."""
