@@ -109,12 +109,12 @@ def test_errors_of_a_scenario_are_one_line_each(verb: str, short: Path, tmp_path
 @pytest.mark.parametrize("verb", ["run", "scenarios"])
 def test_implausible_scenario_is_noted_and_used(verb: str, short: Path, tmp_path: Path) -> None:
     assert "no errors" in pdpatrol("scenarios", "short.toml", cwd=tmp_path).stdout
-    text = short.read_text(encoding="utf-8").replace("gain_error = 0.05", "gain_error = 0.9")
+    text = short.read_text(encoding="utf-8").replace("[[sources]]", "[[sources]]\nactive_s = [100.0, 200.0]")
     short.write_text(text, encoding="utf-8")
     done = pdpatrol(verb, "short.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (note,) = [line for line in done.stderr.splitlines() if line.startswith("note: ")]
-    assert note.startswith("note: array: gain_error 0.9")
+    assert note.endswith("does not discharge within the mission")
 
 
 def run_until_parts(folder: Path) -> subprocess.Popen[str]:

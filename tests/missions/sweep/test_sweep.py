@@ -135,7 +135,7 @@ def test_crash_during_compaction_duplicates_no_row(folder: Path) -> None:
         (["--seeds", "3-1"], "--seeds: must be one seed, or the first and the last such as 0-19, got 3-1"),
         (["--shard", "3/2"], "--shard: must be 1/N to N/N, got 3/2"),
         (["--set", "receiver.noise_v=-1"], "short.toml: receiver.noise_v: must be"),
-        (["--policy", "own.py:None_"], "own.py: no `None_` in it"),
+        (["--policy", "own.py:None_"], "own.py: must define `None_`"),
         (["--out", "own.py"], "--out: must be a new or empty folder"),
         (["--out", "/proc/none"], "--out: must be a folder that can be written, got /proc/none"),
     ],
