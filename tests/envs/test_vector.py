@@ -68,7 +68,13 @@ def assert_rows_equal_singles(
 
 @pytest.mark.parametrize(
     ("num_envs", "num_threads", "mode"),
-    [(1, 1, "NextStep"), (3, 2, "NextStep"), (16, 1, "NextStep"), (16, 2, "NextStep"), (3, 1, "SameStep")],
+    [
+        (1, 1, "NextStep"),
+        (3, 2, "NextStep"),
+        pytest.param(16, 1, "NextStep", marks=pytest.mark.whole),
+        pytest.param(16, 2, "NextStep", marks=pytest.mark.whole),
+        (3, 1, "SameStep"),
+    ],
 )
 def test_row_equals_single_environment_to_the_bit(num_envs: int, num_threads: int, mode: str) -> None:
     n_over, n_apart, _ = assert_rows_equal_singles(brisk(), num_envs, num_threads, mode, 200)

@@ -50,7 +50,13 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
     return n_rejected / n_triggered
 
 
-@pytest.mark.parametrize("name", [name for name in shipped_scenarios() if load_scenario(name).yard.equipment])
+QUICK = {"gis_hall", "one_source"}
+YARDS = [name for name in shipped_scenarios() if load_scenario(name).yard.equipment]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.whole) for name in YARDS]
+)
 def test_bursts_are_rejected_and_pulses_pass_in_yards(name: str) -> None:
     assert share_rejected(name, 0.0) < 0.01
     assert share_rejected(name, 0.0, second_order=True) < 0.01

@@ -127,6 +127,7 @@ def test_dead_channel_is_noted_and_left_out(tmp_path: Path) -> None:
     assert data.channels.tolist() == [0, 1, 3, 4, 5]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", range(2))
 def test_one_source_of_a_long_survey_is_one_finding(tmp_path: Path, seed: int) -> None:
     """The first fit comes before the pulses of a new source make several findings."""

@@ -34,7 +34,7 @@ def normal(rng: np.random.Generator, n: int) -> FloatArray:
     return 0.3 + 2.3 * rng.standard_normal(n)
 
 
-@pytest.mark.parametrize("n_measured", [3600, 36_000])
+@pytest.mark.parametrize("n_measured", [3600, pytest.param(36_000, marks=pytest.mark.whole)])
 @pytest.mark.parametrize(
     ("statistic", "figure", "draw", "most"),
     [
