@@ -42,13 +42,14 @@ COMPLETE = "complete"
 def source_digest() -> str:
     """Hash all source files of the packages with compiled functions, as 16 hexadecimal digits.
 
-    With bounds checks (`NUMBA_BOUNDSCHECK=1`), the digest is different.
+    It covers paths and times of modification too, because Numba compiles a file anew when they differ, as in another
+    checkout. With bounds checks (`NUMBA_BOUNDSCHECK=1`), the digest is different.
     """
     root = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{numba.config.BOUNDSCHECK}".encode())  # pyright: ignore
     for package in KERNEL_PACKAGES:
         for file in sorted((root / package).rglob("*.py")):
-            digest.update(f"{file.relative_to(root).as_posix()}\0{file.stat().st_size}\0".encode())
+            digest.update(f"{file}\0{file.stat().st_size}\0{file.stat().st_mtime_ns}\0".encode())
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
