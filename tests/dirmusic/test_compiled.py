@@ -62,6 +62,15 @@ def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  
     assert run(code).stdout == "3.0\n"
 
 
+def test_cache_of_another_checkout_is_incomplete(tmp_path: Path, run) -> None:  # noqa: ANN001
+    """Numba does not share machine code between folders, so a second checkout has to compile."""
+    is_complete = "from dirmusic.compiled import *; print(is_cache_complete())"
+    run("from dirmusic.compiled import *; mark_cache_complete()")
+    assert run(is_complete).stdout == "True\n"
+    (tmp_path / "code" / "dirmusic").rename(tmp_path / "dirmusic")
+    assert run(is_complete, PYTHONPATH=str(tmp_path)).stdout == "False\n"
+
+
 def test_old_versions_are_removed(tmp_path: Path, run) -> None:  # noqa: ANN001
     base = tmp_path / ".cache" / "pdpatrol"
     for number in range(9):
