@@ -58,6 +58,7 @@ def count_accepted_archives(folder: Path, seeds: range) -> int:
     return accepted
 
 
+@pytest.mark.whole
 def test_mutated_tables_are_refused_or_run(tmp_path: Path) -> None:
     assert 10 <= count_accepted_tables(tmp_path, range(100)) <= 90
 

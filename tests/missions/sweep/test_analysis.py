@@ -40,6 +40,7 @@ def test_share_interval_covers_truth_for_correlated_sources(n_clusters: int, sha
     assert coverage(pooled, share) < 0.88
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("n_clusters", [9, 40])
 @pytest.mark.parametrize("statistic", [np.nanmedian, np.nanmean])
 def test_bootstrap_interval_covers_truth_for_correlated_errors(statistic: object, n_clusters: int) -> None:
@@ -122,6 +123,7 @@ def test_two_datasets_are_paired_by_mission(dataset: Dataset, tmp_path: Path) ->
     assert ospa.change.low > 0.0
 
 
+@pytest.mark.whole
 def test_permutation_test_has_its_stated_size() -> None:
     rng = np.random.default_rng(1)
     values = np.stack([rng.rayleigh(0.05, 60), rng.rayleigh(0.08, 60)], axis=-1)
