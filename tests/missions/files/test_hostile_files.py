@@ -4,6 +4,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from dirmusic import InputFileError, InputFileWarning
 from pdpatrol.missions.field.field_data import read_field_data
