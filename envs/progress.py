@@ -39,7 +39,7 @@ def visit(state: RobotStates, parameters: Parameters, reading: FloatArray, r: in
         route_done = route_done and visited[k]
     from_dock_m = np.hypot(stops_m[n_waypoints, 0] - x, stops_m[n_waypoints, 1] - y)
     is_done = route_done and from_dock_m <= parameters.stop_radius_m
-    is_done = is_done or (parameters.ends_on_approach and all_approached)
+    is_done = is_done or (parameters.terminate_on_approach and all_approached)
     state.success[r] = all_approached
     state.distance_m[r] = nearest_distance(state, r, x, y)
     state.fell_over[r] = reading[UPRIGHT] < LEAST_UPRIGHT

@@ -129,7 +129,7 @@ class Parameters(NamedTuple):
         stops_m: Positions of the waypoints, in order, and of the dock, shape (n_waypoints + 1, 2).
         standoff_m: Distance within which a source counts as approached.
         stop_radius_m: Distance within which a waypoint or the dock counts as reached.
-        ends_on_approach: Whether an episode ends once all sources are approached.
+        terminate_on_approach: Whether an episode ends once all sources are approached.
         reward_per_metre: Reward per metre of progress towards the nearest source not yet approached.
         reward_per_second: Reward per second.
         reward_per_contact_step: Reward of a step in contact with anything but the floor.
@@ -147,7 +147,7 @@ class Parameters(NamedTuple):
     stops_m: FloatArray
     standoff_m: float
     stop_radius_m: float
-    ends_on_approach: bool
+    terminate_on_approach: bool
     reward_per_metre: float
     reward_per_second: float
     reward_per_contact_step: float
@@ -160,7 +160,7 @@ class Parameters(NamedTuple):
         scenario: Scenario,
         *,
         step_s: float = STEP_S,
-        ends_on_approach: bool = True,
+        terminate_on_approach: bool = True,
         max_episode_steps: int | None = None,
     ) -> Self:
         """Derive the parameters from a scenario.
@@ -168,7 +168,7 @@ class Parameters(NamedTuple):
         Args:
             scenario: The scenario.
             step_s: Duration of a step.
-            ends_on_approach: Whether an episode ends once all sources are approached.
+            terminate_on_approach: Whether an episode ends once all sources are approached.
             max_episode_steps: Maximum number of steps of an episode, in addition to the scenario's time limit.
         """
         task, odometry, pose_sensor = scenario.task, scenario.odometry, scenario.pose_sensor
@@ -183,7 +183,7 @@ class Parameters(NamedTuple):
             stops_m=np.array([*scenario.route.stops_m, scenario.route.dock_m]),
             standoff_m=task.standoff_m,
             stop_radius_m=task.waypoint_radius_m,
-            ends_on_approach=ends_on_approach,
+            terminate_on_approach=terminate_on_approach,
             reward_per_metre=task.reward_per_metre,
             reward_per_second=task.reward_per_second,
             reward_per_contact_step=task.reward_per_contact_step,

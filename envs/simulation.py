@@ -109,7 +109,7 @@ class Simulation:
         self.robots = Robots(self.robot, scenario.yard, elements, n_robots, n_threads)
         self.layout, self.states = ObservationLayout(scenario), RobotStates.zeros(n_robots, scenario)
         parameters = Parameters.of(
-            scenario, ends_on_approach=terminate_on_approach, max_episode_steps=max_episode_steps
+            scenario, terminate_on_approach=terminate_on_approach, max_episode_steps=max_episode_steps
         )
         self.max_episode_steps = parameters.max_steps
         self.info = {key: getattr(self.states, key) for key in INFO_KEYS} | {"is_success": self.states.success}
