@@ -37,7 +37,7 @@ def add_pose_error(
 
 @compiled
 def start_motion(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
-    """Initialise the sensors of robot `r` at the start of an episode; the arguments are those of `sense_motion`."""
+    """Initialise the sensors of robot `r` at the start of an episode; arguments as in `sense_motion`."""
     state.pose_error[r] = np.nan
     state.n_steps[r], state.time_s[r], state.used_wh[r], state.battery[r] = 0.0, 0.0, 0.0, 1.0
     sense_pose(state, parameters, reading, r)

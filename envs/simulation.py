@@ -127,7 +127,7 @@ class Simulation:
 
     @property
     def has_begun(self) -> bool:
-        """Whether an episode has been started for every robot."""
+        """True once an episode has been started for every robot."""
         return self._receivers is not None
 
     def start(self, rows: Rows, rngs: Sequence[np.random.Generator], options: ResetOptions) -> None:

@@ -86,7 +86,7 @@ def calling(thing: object, expected: str) -> Iterator[None]:
 
     Args:
         thing: Callee (a class, a function, or an object made by user code), or file that is imported.
-        expected: What the call should do, for the error message.
+        expected: Expected result of the call, for the error message.
     """
     try:
         yield

@@ -32,7 +32,7 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     physics runs on several threads; sensing and direction finding are batched over all rows.
 
     ## Spaces
-    The spaces are those of `PatrolEnv`, with one row per robot.
+    The same spaces as in `PatrolEnv`, with one row per robot.
 
     ## Episodes
     With `AutoresetMode.NEXT_STEP`, the default, the step after the end of an episode starts the next episode: the

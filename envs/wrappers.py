@@ -26,7 +26,7 @@ def bearings_only(observation: Observation) -> Observation:
 
     Returns:
         `lidar`, `velocity`, `detected`, `level`, `bearing_age` and `time` unchanged, and `bearing` as cos and sin in
-        the robot's frame: (1, 0) is ahead, (0, 1) is to the left, and zeros mean that there is no bearing yet.
+        the robot's frame: (1, 0) is ahead, (0, 1) is to the left, and zeros stand for no bearing so far.
     """
     kept = {key: observation[key] for key in BEARINGS_ONLY_KEYS}
     pose, bearing = observation["pose"], observation["bearing"]

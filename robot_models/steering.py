@@ -66,7 +66,7 @@ def _close_yaw_rate(
 
     The set point approaches the command no faster than the wheel rims can accelerate. When the robot slows down, the
     speed has priority, so that the robot stops within the same distance as on a straight path; otherwise the yaw rate
-    has priority. The arguments are those of `command`, for the robot in row `r`.
+    has priority. `command` describes the arguments; `r` is the row of the robot.
     """
     _, most, half_track_m, _, acceleration_mps2, gain = steering
     gyro_radps, set_point, added_radps = feedback

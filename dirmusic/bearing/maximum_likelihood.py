@@ -216,7 +216,7 @@ def estimate_bearings(
             assumption that they come from one source.
         manifold: Nominal array.
         strength_variance: Variance of the strengths, V^2, >= 0; broadcasts to the shape of `strengths`.
-        prior: Prior of the errors of the array. With it, azimuth and standard deviation are those of the posterior,
+        prior: Prior of the errors of the array. With it, azimuth and standard deviation describe the posterior,
             marginalised over these errors, at several hundred times the cost.
 
     Returns:

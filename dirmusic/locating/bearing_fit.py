@@ -169,7 +169,7 @@ def locate_by_bearings(
         pose_error: Standard deviations and correlation time of the pose error.
 
     Returns:
-        The estimate. Array errors and heights are those of their priors, because bearings do not determine them.
+        The estimate. Array errors and heights keep their priors, because bearings do not determine them.
     """
     positions_m, covariances_m2 = np.empty((len(start_m), 2)), np.empty((len(start_m), 2, 2))
     for k in range(len(start_m)):

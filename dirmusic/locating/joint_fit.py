@@ -122,7 +122,7 @@ def locate_jointly(
 class JointProblem:
     """Optimisation problem of `locate_jointly`, with errors scaled by their spread.
 
-    The arguments are those of `locate_jointly`.
+    `locate_jointly` describes the arguments.
 
     Attributes:
         start: Initial state of the fit, shape (n_states,).

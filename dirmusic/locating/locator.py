@@ -161,7 +161,7 @@ class Locator:
     def learned(self) -> Learned | None:
         """Return the errors of the array as estimated from confirmed findings.
 
-        The result is None if there is no confirmed finding, or with the solver `bearings`. Candidates are not used,
+        Returns None without a confirmed finding, or with the solver `bearings`. Candidates are not used,
         because a mirror image would bias the errors.
         """
         assignment = self._assigned()

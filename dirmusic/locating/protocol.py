@@ -37,7 +37,7 @@ class LocatorProtocol(Protocol):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All current findings, in the order of their ids; empty before the first pulse.
+        """Current findings, in the order of their ids; empty before the first pulse.
 
         Ids are at least 1. A finding keeps its id, and an id is never reused. Findings are compared by value, and
         logged when they change.

@@ -123,7 +123,7 @@ class Scenario(Config, frozen=True):
 
     @property
     def known_yard(self) -> Yard:
-        """Yard as the map shows it, which is what the robot and the operator know. It is rebuilt on each access."""
+        """Yard as shown on the map, the only one that the robot and the operator know. It is rebuilt on each access."""
         return self.map.of(self.yard)
 
     @property

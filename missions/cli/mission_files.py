@@ -92,7 +92,7 @@ def print_json(report: Report) -> None:
 
 
 def print_findings(report: Report) -> None:
-    """Print findings, or a summary if there are no findings, and candidates."""
+    """Print findings, or a summary without findings, and candidates."""
     out.print(findings_table(report) if report.findings else summary_text(report), soft_wrap=not report.findings)
     if report.candidates:
         out.print(candidates_table(report))

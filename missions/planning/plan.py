@@ -33,8 +33,8 @@ class Plan(NamedTuple):
         amplitude_v: Peak of the weakest discharge to detect, 1 m away.
         detectability: Places from which each site is detectable.
         required: Coverage that the tour must provide, shape (n_sites, 3), with the columns of `coverage`. The first is
-            the aperture that routes are planned for, or the widest possible if that is smaller. The others are what the
-            tour before shortening provides, limited to `CROSSING_RAD` and `MIN_CELLS`.
+            the aperture that routes are planned for, or the widest possible if that is smaller. The others are the
+            values of the tour before shortening, limited to `CROSSING_RAD` and `MIN_CELLS`.
         tour: The tour; only the dock's cell if nothing is detectable.
         stops_m: Stops of the tour in order, shape (n_stops, 2), world frame.
         path_m: Path of the tour from the dock and back, shape (n, 2).

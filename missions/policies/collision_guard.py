@@ -138,7 +138,7 @@ class CollisionGuard:
 def _limited(observation: Observation, command: FloatArray, robot: RobotDescription) -> Action:
     """Return the action for a command, m/s and rad/s, with a safe speed and an acceleration of at most 1 m/s^2.
 
-    The acceleration is assumed; it is well below what the motors can do, so that one wrong lidar reading has little
+    The acceleration is assumed; it is well below the limit of the motors, so that one wrong lidar reading has little
     effect.
     """
     v, yaw_rate = command.tolist()

@@ -1,4 +1,4 @@
-"""The contract of a policy, checks of what a policy returns, and helpers to read an observation."""
+"""The contract of a policy, checks of its actions, and helpers to read an observation."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def best_viewpoint(
 
 
 def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
-    """Return the place nearby that adds the most angle, preferably with line of sight, if there is no viewpoint.
+    """Return the place nearby that adds the most angle, preferably with line of sight, for use without a viewpoint.
 
     Paths to sidesteps are 2 to 12 m long: shorter ones hardly change the angle, longer ones leave the candidate. A
     metre of path costs only 0.2 m, because sidesteps are far; line of sight is worth 2 m, and its last 1.5 m do not

@@ -130,7 +130,7 @@ class Tracker:
         return isinstance(self._locator, Locator) and self._locator.contradicts_errors
 
     def _calling(self, expected: str) -> AbstractContextManager[None]:
-        """Return a context in which errors of a user's Locator name its line and what was expected."""
+        """Return a context in which errors of a user's Locator name its line and the expected result."""
         return calling(self._locator, expected) if self._is_own else nullcontext()
 
     def _association(self, n_pulses: int) -> IntArray:

@@ -161,7 +161,7 @@ def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> FloatArray:
     Args:
         covariance: Shape (n_trials, n_elements, n_elements).
         gain: Ideal manifold on the grid, shape (n_elements, 360); complex for a manifold of phases. With one element
-            there is no noise subspace, so the spectrum is constant and the first grid angle is returned.
+            the noise subspace is empty, so the spectrum is constant and the first grid angle is returned.
     """
     if gain.shape[0] == 1:
         return np.full(covariance.shape[0], GRID_DEG[0], dtype=np.float64)

@@ -270,7 +270,7 @@ class Difference(NamedTuple):
 
 
 def compare(first: Frame, second: Frame) -> list[Difference]:
-    """Compare all measures that at least one pair of missions has; the missions are those of `pair_up`."""
+    """Compare all measures that at least one pair of missions has; `pair_up` returns the missions."""
     sides = [_measures(missions) for missions in (first, second)]
     differences: list[Difference] = []
     for name in sides[0]:

@@ -77,7 +77,7 @@ def read_robot(path: Path) -> RobotDescription:
 
     Raises:
         RobotFileError: If the file cannot be read, or does not describe a robot. All errors of its parts are listed
-            together; if there are none, all errors of its measures are.
+            together; without any, all errors of its measures are.
     """
     if not path.is_file():
         raise RobotFileError([f"{path}: no such file; it must be an MJCF file"])
@@ -272,7 +272,7 @@ def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> Float
 def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:
     """Let a robot settle in an empty yard for 3 s (assumed), and return it with its joint positions at rest.
 
-    If the file has a keyframe, the joint positions are those of the keyframe.
+    If the file has a keyframe, the joint positions come from the keyframe.
 
     Raises:
         ValueError: If no world can be built around the robot, for example because of a name that the world needs.

@@ -60,7 +60,7 @@ def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], di
 
 
 def _support(model: mujoco.MjModel, geom: int, directions: FloatArray) -> FloatArray:
-    """Compute the extents, shape (n,), of a geom from its centre, in directions of its own frame, shape (n, 3)."""
+    """Compute the extents, shape (n,), of a geom from its centre, in directions of its frame, shape (n, 3)."""
     size_m, along = model.geom_size[geom], np.abs(directions[:, 2])
     match mujoco.mjtGeom(int(model.geom_type[geom])):
         case mujoco.mjtGeom.mjGEOM_CAPSULE:

@@ -43,7 +43,7 @@ class Material(NamedTuple):
 
     @property
     def diffracts(self) -> bool:
-        """Whether so little is transmitted that rays around the edges matter."""
+        """True if so little is transmitted that rays around the edges matter."""
         return self.transmission <= 10.0 ** (-DIFFRACTION_LOSS_DB / 20.0)
 
     @property

@@ -245,7 +245,7 @@ def add_box(
 def add_edges(
     emitter: Emitter, target: Vector, ground: Material, around: Obstruction, strongest: float, paths: Rows, n: int
 ) -> tuple[int, float]:
-    """Add the paths around the edges of all boxes; arguments and results are those of `add_box`.
+    """Add the paths around the edges of all boxes; arguments and results as in `add_box`.
 
     Paths reflected by the ground are longer and weaker than the others. Assumed: if no path around an obstacle is
     strong enough without the ground, even in the absence of other obstacles, none is with it. The obstacle with the

@@ -69,7 +69,7 @@ class SpecularPoint(NamedTuple):
     Attributes:
         image: Mirror image of the source.
         at: Point on the mirror.
-        rim_m: Distance of that point from the rim of the mirror; negative if there is no reflection.
+        rim_m: Distance of that point from the rim of the mirror; negative without a reflection.
     """
 
     image: Vector

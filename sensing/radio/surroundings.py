@@ -140,7 +140,7 @@ class Surroundings(NamedTuple):
 
     Attributes:
         faces: Flat reflecting faces including the ground, rows of `FACE`.
-        ground: Material of the ground; if there is no ground, one that does not reflect.
+        ground: Material of the ground; without a ground, one that does not reflect.
         obstacles: Solids of the equipment, rows of `OBSTACLE`.
         second_order: Whether rays reflected by two upright faces are included.
     """

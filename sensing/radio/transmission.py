@@ -2,7 +2,7 @@
 
 Two rules apply throughout. First, among the solids of one piece of equipment, only the one that attenuates most counts,
 and the factors of different pieces are multiplied. Second, a solid that diffracts blocks the direct path except for
-what it transmits, because rays around its edges are traced separately (`diffraction`); on every other segment it is
+the transmitted part, because rays around its edges are traced separately (`diffraction`); on every other segment it is
 treated as a knife edge.
 """
 

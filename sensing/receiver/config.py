@@ -98,7 +98,7 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
 
     @property
     def band_edges_hz(self) -> tuple[float, ...]:
-        """The n_bands + 1 edges of the sub-bands; empty if no sub-bands are read."""
+        """Edges of the sub-bands, n_bands + 1 values; empty if no sub-bands are read."""
         if self.n_bands == 0 or self.band_hz == "all":
             return ()
         low_hz, high_hz = self.band_hz

@@ -59,7 +59,7 @@ def write(path: Path, rows: list[list[float]]) -> Path:
 
 
 def log_of_table(table: Path, *, noise_v: float | None = None, **options: Any) -> MissionLog:  # noqa: ANN401
-    """Return the log of a table; `options` are those of `locate_field_data`."""
+    """Return the log of a table; `options` are passed to `locate_field_data`."""
     data = read_field_data(table, noise_v=noise_v)
     return locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, **options)
 
