@@ -12,10 +12,8 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-import pyarrow as pa
-
 from pdpatrol.missions.sweep.analysis import ALL, summarise_groups
-from pdpatrol.missions.sweep.dataset import Dataset, read_all
+from pdpatrol.missions.sweep.dataset import Dataset, Frame
 from pdpatrol.missions.sweep.figures import (
     draw_errors,
     draw_found_over_time,
@@ -43,14 +41,14 @@ QUESTIONS = {
 """Settings that each stored sweep varies, with the one on the axis of its figure first, and columns of its table."""
 
 
-def rows_of(name: str) -> pa.Table:
+def rows_of(name: str) -> Frame:
     """Read a stored dataset, with the current names of its settings."""
-    rows = read_all([Dataset(DOCS / "results" / name)])
+    rows = Dataset(DOCS / "results" / name).read()
     settings = [
         json.dumps({RENAMED_KEYS.get(key, key): value for key, value in json.loads(text).items()}, sort_keys=True)
-        for text in rows["settings"].to_pylist()
+        for text in rows["settings"]
     ]
-    return rows.set_column(rows.schema.get_field_index("settings"), "settings", pa.array(settings))
+    return rows.assign(settings=settings)
 
 
 def settings_table(name: str) -> str:

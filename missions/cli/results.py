@@ -59,10 +59,9 @@ def results(
         sys.stdout.write(tables.as_csv(summaries))
     else:
         out.print(tables.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals for other seeds"))
-        for row in rows.to_pylist():
-            if row["status"] != "finished":
-                reason = row["error"].strip().splitlines()[-1]
-                name = f"{row['scenario']}, {row['policy']}, seed {row['seed']}"
-                out.print(f"{name}: {row['status']}: {reason}", soft_wrap=True)
-        if missing := sum(each.manifest.n_missions - each.read().num_rows for each in datasets):
+        for _, row in rows[rows["status"] != "finished"].iterrows():
+            reason = row["error"].strip().splitlines()[-1]
+            name = f"{row['scenario']}, {row['policy']}, seed {row['seed']}"
+            out.print(f"{name}: {row['status']}: {reason}", soft_wrap=True)
+        if missing := sum(each.manifest.n_missions - len(each.read()) for each in datasets):
             out.print(f"{missing} missions are missing: run the command of the sweep again to continue it")

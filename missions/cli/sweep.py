@@ -76,7 +76,7 @@ def sweep(
         dataset = Dataset.open_or_make(folder, plan, sys.argv[1:])
     except OSError as error:
         refuse(f"--out: must be a folder that can be written, got {error.filename} ({error.strerror})")
-    done = set(dataset.read()["key"].to_pylist())
+    done = set(dataset.read()["key"])
     shard_jobs = plan.jobs[part - 1 :: n_parts]
     jobs = [job for job in shard_jobs if job.key not in done]
     if jobs:

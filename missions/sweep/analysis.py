@@ -9,17 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from numpy.typing import ArrayLike
 from scipy import stats
+from statsmodels.stats.proportion import proportion_confint
 
 from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray, IntArray
-from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset
+from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset, Frame
 from pdpatrol.missions.sweep.plan import parse_toml
-
-Frame = Any
-"""A `pandas.DataFrame`, which has no type annotations."""
 
 CONFIDENCE = 0.95
 ALL = "all"
@@ -36,11 +33,8 @@ class Estimate(NamedTuple):
 
 def wilson(count: float, total: float) -> Estimate:
     """Estimate a proportion of independent trials with Wilson's score interval; counts may be fractions."""
-    share, z = count / total, stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)
-    centre, scale = share + z**2 / (2 * total), 1.0 + z**2 / total
-    half_width = z * np.sqrt(share * (1.0 - share) / total + z**2 / (4 * total**2))
-    low, high = np.clip([(centre - half_width) / scale, (centre + half_width) / scale], 0.0, 1.0)
-    return Estimate(share, min(float(low), share), max(float(high), share))
+    ends: Any = proportion_confint(count, total, 1.0 - CONFIDENCE, "wilson")
+    return Estimate(count / total, *ends)
 
 
 def clustered_share(counts: ArrayLike, totals: ArrayLike) -> Estimate:
@@ -121,7 +115,7 @@ def cluster_bootstrap(
 Summary = dict[str, "str | int | Estimate"]
 
 
-def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
+def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
     """Summarise a dataset: groups in the order of the plan, then all levels of a suite together.
 
     The intervals come from resampling missions: they are valid for other seeds in the same yards and, where each yard
@@ -148,21 +142,20 @@ def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
         - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
           not visited
     """
-    frame: Frame = rows.to_pandas()
-    frame["group"] = "" if pool else level_or_scenario(frame)
-    if frame["group"].nunique() > 1 and (frame["suite"] != "").all():
-        frame = pd.concat([frame, frame.assign(group=ALL)])
+    rows = rows.assign(group="" if pool else level_or_scenario(rows))
+    if rows["group"].nunique() > 1 and (rows["suite"] != "").all():
+        rows = pd.concat([rows, rows.assign(group=ALL)])
     names = ["group", "policy", "settings"]
-    groups = frame.groupby(names, sort=False)
+    groups = rows.groupby(names, sort=False)
     return [
         {**dict(zip(names, values, strict=True)), **_summarise(members, "scenario" if pool else "key")}
         for values, members in groups
     ]
 
 
-def level_or_scenario(frame: Frame) -> Frame:
+def level_or_scenario(rows: Frame) -> Frame:
     """Return the level of the suite that each mission belongs to, or else its scenario, as a `pandas.Series`."""
-    return frame["level"].where(frame["level"] != "", frame["scenario"])
+    return rows["level"].where(rows["level"] != "", rows["scenario"])
 
 
 def percentage_of(missions: Frame, by: str, count: str, total: str) -> Estimate:
@@ -206,7 +199,7 @@ def _summarise(missions: Frame, by: str) -> Summary:
     }
 
 
-def pair_up(rows: pa.Table, first: str, second: str) -> tuple[Frame, Frame]:
+def pair_up(rows: Frame, first: str, second: str) -> tuple[Frame, Frame]:
     """Select the finished missions of two sides of a sweep that agree in scenario, seed and everything else.
 
     Args:
@@ -229,22 +222,21 @@ def pair_up(rows: pa.Table, first: str, second: str) -> tuple[Frame, Frame]:
     return sides[0].loc[common], sides[1].loc[common]
 
 
-def _side(rows: pa.Table, name: str) -> Frame:
+def _side(rows: Frame, name: str) -> Frame:
     """Select the finished missions of one side, indexed by everything that both sides have in common."""
-    is_dataset = (Path(name) / MANIFEST).exists()
-    frame: Frame = (Dataset(Path(name)).read() if is_dataset else rows).to_pandas()
-    settings: list[dict[str, Any]] = [json.loads(text) for text in frame["settings"]]
-    policy, (key, is_setting, text) = frame["policy"], name.partition("=")
-    if is_dataset:
-        chosen = np.ones(len(frame), dtype=np.bool_)
-    elif is_setting:
+    key, is_setting, text = name.partition("=")
+    if (Path(name) / MANIFEST).exists():
+        rows, is_setting = Dataset(Path(name)).read(), ""
+    elif not is_setting:
+        rows = rows[rows["policy"] == name].assign(policy="")
+    settings = rows["settings"].map(json.loads)
+    if is_setting:
         value = parse_toml(text, text)
-        chosen = np.array([key in each and each.pop(key) == value for each in settings], dtype=np.bool_)
-    else:
-        chosen, policy = (policy == name).to_numpy(), policy.mask(policy == name, "")
-    others = [json.dumps(each, sort_keys=True) for each in settings]
-    frame.index = pd.MultiIndex.from_arrays([frame["scenario"], frame["seed"], policy, others])
-    side = frame[chosen & (frame["status"] == "finished").to_numpy()]
+        settings = settings[[key in each and each.pop(key) == value for each in settings]]
+        rows = rows.loc[settings.index]
+    common = [rows["scenario"], rows["seed"], rows["policy"], settings.map(json.dumps)]
+    side = rows.set_index(pd.MultiIndex.from_arrays(common))
+    side = side[side["status"] == "finished"]
     return side[~side.index.duplicated(keep="last")]
 
 
@@ -274,12 +266,10 @@ def compare(first: Frame, second: Frame) -> list[Difference]:
     sides = [_measures(missions) for missions in (first, second)]
     differences: list[Difference] = []
     for name in sides[0]:
-        pairs: Frame = pd.DataFrame(
-            {side: missions[name].to_numpy() for side, missions in enumerate(sides)}, first.index
-        )
-        values = pairs.dropna().groupby(level=[0, 1], sort=False).mean().to_numpy()
-        if values.size:
-            differences.append(difference(name, values))
+        values = np.column_stack([missions[name] for missions in sides])
+        pairs: Frame = pd.DataFrame(values, first.index).dropna().groupby(level=[0, 1], sort=False).mean()
+        if len(pairs):
+            differences.append(difference(name, pairs.to_numpy()))
     return differences
 
 
@@ -290,6 +280,7 @@ def _measures(missions: Frame) -> Frame:
     return pd.DataFrame(
         {
             "found (%)": 100.0 * missions["n_found"] / missions["n_sources"],
+            "in ellipse (%)": 100.0 * missions["n_in_ellipse"] / missions["n_found"],
             "right site (%)": 100.0 * missions["n_right_site"] / missions["n_found"],
             "OSPA (m)": missions["ospa_m"],
             "error (m)": error_m,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -24,6 +25,9 @@ from pdpatrol.missions.report.make_report import make_report, path_length_m
 from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit, digest_of_code
 
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
+
+Frame = Any
+"""A `pandas.DataFrame`, which has no type annotations."""
 
 
 class MissionRow(NamedTuple):
@@ -239,14 +243,15 @@ class Dataset:
         """
         _write_table(self.folder / ROWS / f"{row.key}.parquet", pa.Table.from_pylist([row._asdict()], schema=SCHEMA))
 
-    def read(self) -> pa.Table:
+    def read(self) -> Frame:
         """Return all rows in the order of the plan, each mission once."""
-        rows: dict[str, dict[str, Any]] = {}
+        tables = [SCHEMA.empty_table()]
         # The common file is read last: it contains the rows whose single files another shard may delete meanwhile.
         for path in [*(self.folder / ROWS).glob("*.parquet"), self.folder / ALL_ROWS]:
             with suppress(FileNotFoundError):
-                rows |= {row["key"]: row for row in _read_table(path, schema=SCHEMA).to_pylist()}
-        return pa.Table.from_pylist(sorted(rows.values(), key=lambda row: row["order"]), schema=SCHEMA)
+                tables.append(_read_table(path, SCHEMA))
+        rows: Frame = pa.concat_tables(tables).to_pandas()
+        return rows.drop_duplicates("key", keep="last").sort_values("order", ignore_index=True)
 
     def job(self, number: int) -> MissionJob:
         """Return the job of a row, to run the mission again.
@@ -254,15 +259,14 @@ class Dataset:
         Raises:
             InputFileError: If the row does not exist, or its scenario is damaged.
         """
-        rows = {row["order"]: row for row in self.read().to_pylist()}
+        rows = {row["order"]: row for row in self.read().to_dict("records")}
         if number not in rows:
             raise InputFileError([f"--row: must be the number of a row, 0 to {max(rows, default=0)}, got {number}"])
         row = rows[number]
-        scenarios = _read_table(self.folder / SCENARIOS)
+        scenarios: Frame = _read_table(self.folder / SCENARIOS).to_pandas()
         try:
-            texts = dict(zip(*(scenarios[name].to_pylist() for name in ("scenario_digest", "scenario")), strict=True))
-            scenario = restore_scenario(json.loads(texts[row["scenario_digest"]]))
-            settings = json.loads(row["settings"])
+            text = scenarios.set_index("scenario_digest")["scenario"][row["scenario_digest"]]
+            scenario, settings = restore_scenario(json.loads(text)), json.loads(row["settings"])
         except (LookupError, ValueError, RecursionError) as error:
             if isinstance(error, InputFileError):
                 raise
@@ -273,18 +277,15 @@ class Dataset:
     def compact(self) -> None:
         """Move all rows into one file if they are complete; at any time each row is in that file or in its own file."""
         rows = self.read()
-        if rows.num_rows == self.manifest.n_missions:
-            _write_table(self.folder / ALL_ROWS, rows)
+        if len(rows) == self.manifest.n_missions:
+            _write_table(self.folder / ALL_ROWS, pa.Table.from_pandas(rows, SCHEMA))
             for path in (self.folder / ROWS).glob("*.parquet"):
                 path.unlink(missing_ok=True)
 
 
-def read_all(datasets: Sequence[Dataset]) -> pa.Table:
-    """Return the rows of several datasets, each mission once."""
-    rows: dict[str, dict[str, Any]] = {}
-    for dataset in datasets:
-        rows = {row["key"]: row for row in dataset.read().to_pylist()} | rows
-    return pa.Table.from_pylist(list(rows.values()), schema=SCHEMA)
+def read_all(datasets: Sequence[Dataset]) -> Frame:
+    """Return the rows of several datasets in order, each mission once, from the first that has it."""
+    return pd.concat([each.read() for each in datasets]).drop_duplicates("key", ignore_index=True)
 
 
 def _read_table(path: Path, schema: pa.Schema | None = None) -> pa.Table:

@@ -8,16 +8,16 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.sweep.analysis import Frame, level_or_scenario, percentage_of, statistic_of
+from pdpatrol.missions.sweep.analysis import level_or_scenario, percentage_of, statistic_of
+from pdpatrol.missions.sweep.dataset import Frame
 
 
-def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
+def draw_figures(rows: Frame, folder: Path) -> list[Path]:
     """Draw a dataset into a folder.
 
     Args:
@@ -39,10 +39,9 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
     return paths
 
 
-def missions_with_sources(rows: pa.Table) -> Frame:
+def missions_with_sources(rows: Frame) -> Frame:
     """Return the finished missions of a dataset whose yard contains a source."""
-    missions: Frame = rows.to_pandas()
-    return missions[(missions["status"] == "finished") & (missions["n_sources"] > 0)]
+    return rows[(rows["status"] == "finished") & (rows["n_sources"] > 0)]
 
 
 def _with_lines(missions: Frame, without: str = "") -> Frame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,12 +30,13 @@ DIGITS = {
 
 def cells(summary: Summary) -> dict[str, str]:
     """Format a summary as one text for each heading; a dash stands for an estimate without data."""
-    n_unfinished = summary["unfinished"]
+    n_missions: Any = summary["missions"]
+    n_finished = n_missions - summary["unfinished"]
     texts = {
         "scenario or level": str(summary["group"]),
         "policy": str(summary["policy"]),
         "set": ", ".join(_settings(summary)) or "-",
-        "missions": f"{summary['missions']}" + (f" ({n_unfinished} unfinished)" if n_unfinished else ""),
+        "missions": str(n_missions) if n_finished == n_missions else f"{n_finished} of {n_missions}",
     }
     for heading, value in list(summary.items())[5:]:
         texts[heading] = with_interval(value, DIGITS[heading]) if isinstance(value, Estimate) else str(value)
@@ -68,7 +70,8 @@ def terminal_table(summaries: Sequence[Summary], title: str) -> Table:
             table.add_row(Text(str(group), style="bold"))
         texts = cells(summary)
         name = "\n".join([texts["policy"], *_settings(summary)])
-        table.add_row(Text(name), *(texts[column].replace(" to ", "-") for column in columns))
+        short = [texts[column].replace(" to ", "-").replace(" (", "\n(") for column in columns]
+        table.add_row(Text(name), short[0].replace(" of", "\nof"), *short[1:])
     return table
 
 

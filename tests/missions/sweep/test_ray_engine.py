@@ -65,7 +65,7 @@ def test_missions_of_killed_node_run_again(folder: Path, monkeypatch: pytest.Mon
         cluster.shutdown()
     assert sweep(folder, *words, "whole").returncode == 0
     assert rows(folder / "robbed").equals(rows(folder / "whole"))
-    assert rows(folder / "robbed")["status"].to_pylist() == ["finished"] * N_MISSIONS
+    assert rows(folder / "robbed")["status"].to_list() == ["finished"] * N_MISSIONS
 
 
 @pytest.mark.parametrize("engine", ["pool", pytest.param("ray", marks=pytest.mark.slow)])  # Ray takes a minute to end

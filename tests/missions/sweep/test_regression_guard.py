@@ -25,7 +25,7 @@ def test_missions_are_no_worse_than_the_stored_ones(tmp_path: Path) -> None:
     subprocess.run([PDPATROL, "sweep", *yards, "--seeds", "0-2", "--out", "guard"], cwd=tmp_path, check=True)
     rows = Dataset(tmp_path / "guard").read()
     before, now = pair_up(rows, str(ROOT / "docs" / "results" / "public"), str(tmp_path / "guard"))
-    assert len(now) == rows.num_rows == 3 * len(yards)
+    assert len(now) == len(rows) == 3 * len(yards)
     change = {column: now[column].sum() - before[column].sum() for column in ("n_sources", *BANDS)}
     assert change["n_sources"] == 0
     assert change["n_found"] >= BANDS["n_found"], change

@@ -66,14 +66,14 @@ def test_all_figures_are_written(dataset: Dataset, tmp_path: Path) -> None:
 
 
 def test_terminal_table_breaks_no_word_at_80_columns(dataset: Dataset) -> None:
-    wide = {"median error (m)": Estimate(0.056, 0.046, 0.107), "missions": 100, "contacts": 1000}
+    wide = {"median error (m)": Estimate(0.056, 0.046, 0.107), "missions": 100, "unfinished": 1, "contacts": 1000}
     summary = summarise_groups(dataset.read())[0] | wide
     words = [file.stem for file in SHIPPED.glob("*.toml")]
     summaries = [summary | {"group": name} for name in words]
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(terminal_table(summaries, "runs/some"))
     shown = console.export_text()
-    for word in (*words, "contacts", "confirm (s)", "(0.046-0.107)", "1000"):
+    for word in (*words, "contacts", "confirm (s)", "(0.046-0.107)", "1000", "of 100"):
         assert re.search(rf"(?<!\S){re.escape(word)}(?!\S)", shown), word
 
 

@@ -9,10 +9,10 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-import pyarrow as pa
 import pytest
+from pandas.testing import assert_frame_equal
 
-from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
+from pdpatrol.missions.sweep.dataset import Dataset, Frame, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
 from pdpatrol.missions.sweep.pool import ATTEMPTS, run_job
 from tests.missions.conftest import Refused
@@ -25,9 +25,9 @@ def sweep(folder: Path, *words: str, workers: int = 2) -> subprocess.CompletedPr
     return pdpatrol("sweep", "short.toml", "--workers", workers, *words, cwd=folder)
 
 
-def rows(folder: Path) -> pa.Table:
+def rows(folder: Path) -> Frame:
     """Return the columns that do not differ between two runs."""
-    return Dataset(folder).read().drop_columns(["wall_time_s", "peak_memory_mb"])
+    return Dataset(folder).read().drop(columns=["wall_time_s", "peak_memory_mb"])
 
 
 def test_rows_do_not_depend_on_workers_or_shards(folder: Path) -> None:
@@ -36,8 +36,8 @@ def test_rows_do_not_depend_on_workers_or_shards(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
     for shard in ("2/2", "1/2"):
         assert sweep(folder, *words, "--out", "parts", "--shard", shard, workers=1).returncode == 0
-    assert rows(folder / "two")["status"].to_pylist() == ["finished"] * 4
-    assert rows(folder / "parts").equals(rows(folder / "two"))
+    assert rows(folder / "two")["status"].to_list() == ["finished"] * 4
+    assert_frame_equal(rows(folder / "parts"), rows(folder / "two"))
     assert sorted(path.name for path in (folder / "parts").rglob("*.parquet")) == ["rows.parquet", "scenarios.parquet"]
     table = pdpatrol("results", "two", "--csv", cwd=folder)
     assert table.stdout.splitlines()[1].startswith("short,seek,{},2,0,")
@@ -69,11 +69,11 @@ def test_killed_sweep_continues_to_the_same_rows(engine: str, n_missions: int, n
         assert process.poll() is None
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-    assert 0 < rows(folder / "killed").num_rows < n_missions
+    assert 0 < len(rows(folder / "killed")) < n_missions
     assert sweep(folder, *words, "killed").returncode == 0
     assert sweep(folder, "--seeds", f"0-{n_missions - 1}", "--out", "whole").returncode == 0
-    assert rows(folder / "killed").equals(rows(folder / "whole"))
-    assert rows(folder / "killed").num_rows == n_missions
+    assert_frame_equal(rows(folder / "killed"), rows(folder / "whole"))
+    assert len(rows(folder / "killed")) == n_missions
 
 
 @pytest.mark.parametrize("engine", ["pool", pytest.param("ray", marks=[pytest.mark.slow, needs_ray])])
@@ -84,7 +84,7 @@ def test_mission_that_fails_hangs_or_dies_is_a_row(engine: str, folder: Path) ->
     words = ["--seeds", "0", "--policy", *policies, *limits]
     done = sweep(folder, *words, "--out", "out")
     assert done.returncode == 0, done.stderr
-    table = rows(folder / "out").to_pylist()
+    table = rows(folder / "out").to_dict("records")
     assert [row["status"] for row in table] == ["finished", "failed", "hung", "out of memory", "died"]
     assert table[0]["error"] == ""
     assert "own.py:9: RuntimeError: out of ideas" in table[1]["error"]
@@ -93,7 +93,7 @@ def test_mission_that_fails_hangs_or_dies_is_a_row(engine: str, folder: Path) ->
     assert (folder / "deaths").read_text().split() == ["died"] * ATTEMPTS
     if engine == "ray":
         ray = sweep(folder, *words, "--out", "ray", "--engine", "ray")
-        assert rows(folder / "ray").equals(rows(folder / "out")), ray.stderr
+        assert_frame_equal(rows(folder / "ray"), rows(folder / "out"))
         assert sorted(ray.stderr.split()) == sorted(done.stderr.split())  # Ray prints nothing
 
 
@@ -114,7 +114,7 @@ def test_full_disk_is_reported_and_loses_no_row(folder: Path) -> None:
     assert done.returncode == 1
     assert "a row could not be written" in done.stderr
     assert "Traceback" not in done.stderr
-    assert rows(folder / "out").equals(kept)
+    assert_frame_equal(rows(folder / "out"), kept)
     assert [path.name for path in (folder / "out").rglob("*.tmp")] == []
 
 
@@ -126,7 +126,7 @@ def test_crash_during_compaction_duplicates_no_row(folder: Path) -> None:
     for path, content in list(single.items())[:2]:  # as if they had not been removed yet
         path.write_bytes(content)
     (folder / "out" / "rows" / ".x.parquet.tmp").write_bytes(b"half a row")
-    assert dataset.read().equals(before)
+    assert_frame_equal(dataset.read(), before)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_dataset_of_another_plan_or_version_is_refused(folder: Path, refused: Re
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"code": "another"}))
     (line,) = refused("sweep", "short.toml", "--seeds", "0", "--out", "out", cwd=folder)
     assert "out was begun by another version of the code" in line
-    assert rows(folder / "out").equals(before)
+    assert_frame_equal(rows(folder / "out"), before)
     (line,) = refused("results", "own.py", cwd=folder)
     assert "own.py: must be the folder of a sweep" in line
 
@@ -176,9 +176,9 @@ def test_mission_run_again_gives_the_same_row(folder: Path, refused: Refused) ->
     plan = make_plan([str(folder / "short.toml")], ["seek"], {"receiver.noise_v": [1e-3, 2e-3]}, range(2))
     dataset = Dataset.open_or_make(folder / "out", plan)
     dataset.write(run_job(plan.jobs[3]))
-    (row,) = rows(folder / "out").to_pylist()
-    assert (row["seed"], json.loads(row["settings"])) == (1, {"receiver.noise_v": 2e-3})
-    again = json.loads(json.dumps(run_job(dataset.job(3))._asdict()))
-    assert {column: again[column] for column in row} == row
+    before = rows(folder / "out")
+    assert (before["seed"][0], json.loads(before["settings"][0])) == (1, {"receiver.noise_v": 2e-3})
+    dataset.write(run_job(dataset.job(3)))
+    assert_frame_equal(rows(folder / "out"), before)
     (line,) = refused("replay", "out", "--row", "9", cwd=folder)
     assert line == "--row: must be the number of a row, 0 to 3, got 9"
