@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -97,16 +97,12 @@ def _draw_steps(missions: Frame, column: str, x: str, y: str, end: float | None 
 
 
 def draw_over_setting(missions: Frame, key: str) -> Figure:
-    """Draw share found, error and time over the values of a setting, with 95 % intervals.
+    """Draw share found, error and time over the values of a setting in their order in the sweep, with 95 % intervals.
 
     The intervals resample scenarios, or missions if there is only one scenario.
     """
-    values: list[Any] = [json.loads(text).get(key) for text in missions["settings"]]
-    try:
-        distinct = sorted(set(values))
-    except TypeError:  # lists, or values of several types
-        distinct = [json.loads(text) for text in dict.fromkeys(map(json.dumps, values))]
-    missions = missions.assign(place=[distinct.index(value) for value in values])
+    place, labels = pd.factorize(missions["settings"].map(lambda text: label_of(json.loads(text).get(key))))
+    missions = missions.assign(place=place)
     by = "scenario" if missions["scenario"].nunique() > 1 else "key"
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     panels = {
@@ -121,7 +117,7 @@ def draw_over_setting(missions: Frame, key: str) -> Figure:
             axes.errorbar(list(of_place), value, [value - low, high - value], fmt="o", label=str(line))
         axes.set(title=title, xlabel=key)
         axes.set_ylim(bottom=0.0)
-        axes.set_xticks(range(len(distinct)), [label_of(value) for value in distinct], rotation=30)
+        axes.set_xticks(range(len(labels)), labels, rotation=30)
     _finish(figure)
     return figure
 
