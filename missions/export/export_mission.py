@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from pyproj import Geod
+from pyproj import Proj
 
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import Unassociated
@@ -19,7 +20,7 @@ from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import FindingRecord, Report
+from pdpatrol.missions.report.records import FindingRecord
 
 
 def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
@@ -32,27 +33,27 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
         OSError: If a file cannot be written.
     """
     report = make_report(log, 0.0)
+    located = (*report.findings, *report.candidates)
+    table = pd.DataFrame([_facts(finding) for finding in located], columns=FINDING_COLUMNS)
+    writers: dict[str, Callable[[Path], object]] = {
+        "findings.csv": partial(table.to_csv, index=False),
+        "steps.parquet": partial(_steps(log).to_parquet, index=False),
+        "pulses.parquet": partial(_pulses(log).to_parquet, index=False),
+        "mission.mcap": partial(write_ros2_recording, log),
+    }
     reference = log.meta.get("scenario", {}).get("georeference")
-    findings = pd.DataFrame(
-        [_facts(finding) for finding in (*report.findings, *report.candidates)], columns=FINDING_COLUMNS, dtype=object
-    )
-    writers: dict[str, Any] = {"findings.csv": lambda path: findings.to_csv(path, index=False)}
     if reference is not None:
-        georeference = GeoreferenceConfig.model_validate(reference)
-        writers["findings.geojson"] = lambda path: write_findings_geojson(report, georeference, path)
-    writers["steps.parquet"] = lambda path: _steps(log).to_parquet(path, index=False)
-    writers["pulses.parquet"] = lambda path: _pulses(log).to_parquet(path, index=False)
-    writers["mission.mcap"] = lambda path: write_ros2_recording(log, path)
+        writers["findings.geojson"] = partial(_write_geojson, located, GeoreferenceConfig.model_validate(reference))
     for name, write in writers.items():
         with atomic_file(folder / name) as temporary:
             write(temporary)
     return tuple(writers)
 
 
-def write_findings_geojson(report: Report, reference: GeoreferenceConfig, path: Path) -> None:
-    """Write a point for each finding and candidate and the outline of its 95 % ellipse (RFC 7946)."""
+def _write_geojson(findings: Sequence[FindingRecord], reference: GeoreferenceConfig, path: Path) -> None:
+    """Write a point for each finding and the outline of its 95 % ellipse (RFC 7946)."""
     features: list[dict[str, Any]] = []
-    for finding in (*report.findings, *report.candidates):
+    for finding in findings:
         position_m, covariance_m2 = np.array(finding.position_m), np.array(finding.covariance_m2)
         place = longitude_latitude(position_m, reference).tolist()
         outline_m = outline95(position_m[:2], covariance_m2[:2, :2], 37)
@@ -60,20 +61,19 @@ def write_findings_geojson(report: Report, reference: GeoreferenceConfig, path: 
         point = {"type": "Point", "coordinates": [*place, round(position_m[2], 3)]}
         polygon = {"type": "Polygon", "coordinates": [[*outline[:-1], outline[0]]]}
         facts = dict(zip(FINDING_COLUMNS, _facts(finding), strict=True))
-        for name, geometry, properties in (("finding", point, facts), ("ellipse", polygon, {"id": finding.id})):
-            feature = {"id": f"{name}-{finding.id}", "geometry": geometry, "properties": properties}
-            features.append({"type": "Feature", **feature})
-    text = json.dumps({"type": "FeatureCollection", "features": features}, indent=1, ensure_ascii=False)
-    path.write_text(text + "\n", encoding="utf-8")
+        features += [
+            {"type": "Feature", "id": f"finding-{finding.id}", "geometry": point, "properties": facts},
+            {"type": "Feature", "id": f"ellipse-{finding.id}", "geometry": polygon, "properties": {"id": finding.id}},
+        ]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n")
 
 
 def longitude_latitude(places_m: FloatArray, reference: GeoreferenceConfig) -> FloatArray:
     """Convert places in the yard, shape (..., 2 or more), to longitude and latitude on WGS 84, degrees, (..., 2)."""
-    x, y = places_m[..., 0], places_m[..., 1]
-    start = np.full_like(x, reference.longitude_deg), np.full_like(x, reference.latitude_deg)
-    azimuth_deg = reference.heading_deg + np.degrees(np.arctan2(x, y))
-    longitude, latitude, _ = Geod(ellps="WGS84").fwd(*start, azimuth_deg, np.hypot(x, y))
-    return np.round(np.stack([longitude, latitude], axis=-1, dtype=np.float64), 8)  # to the millimetre
+    ground = Proj(proj="aeqd", lat_0=reference.latitude_deg, lon_0=reference.longitude_deg, ellps="WGS84")
+    # East and north of the origin, as real and imaginary part.
+    turned_m = (places_m[..., 0] + 1j * places_m[..., 1]) * np.exp(-1j * np.radians(reference.heading_deg))
+    return np.round(ground(turned_m.real, turned_m.imag, inverse=True), 8).T  # to the millimetre
 
 
 FINDING_COLUMNS = (
@@ -126,23 +126,17 @@ def _steps(log: MissionLog) -> pd.DataFrame:
         columns |= zip((f"{prefix}x_m", f"{prefix}y_m", f"{prefix}yaw_rad"), step[name].T, strict=True)
     columns["battery"] = step["battery"]
     columns |= zip(("commanded_speed_mps", "commanded_yaw_rate_radps"), step["command"].T, strict=True)
-    columns["phase"] = [phase or None for phase in step["phase"].tolist()]
-    columns["phase_target"] = step["phase_target"]
-    return pd.DataFrame(columns)
+    return pd.DataFrame(columns | {name: step[name] for name in ("phase", "phase_target")})
 
 
 def _pulses(log: MissionLog) -> pd.DataFrame:
     """Return the table of pulses; bearing and finding are null where a pulse has none."""
-    pulse, bearing, association = log.table("pulse"), log.table("bearing"), log.table("association")
+    pulse, association = log.table("pulse"), log.table("association")
     columns: dict[str, Any] = {"step": pulse["step"], "time_s": log.column("step", "time_s")[pulse["step"]]}
     columns |= {f"strength_{k + 1}_v": volts for k, volts in enumerate(pulse["strengths_v"].T)}
     columns |= {name: pulse[name] for name in ("mains_phase_rad", "is_clipped", "is_credible")}
-    for name in ("azimuth_rad", "bearing_rad", "std_rad"):
-        columns[name] = np.full(log.n_rows("pulse"), np.nan)
-        columns[name][bearing["pulse"]] = bearing[name]
-    owner = np.full(log.n_rows("pulse"), np.nan)
-    owner[association["pulse"]] = association["finding"]
-    fates = {float(code): code.name.lower() for code in Unassociated}
-    columns["finding"] = pd.Series(np.where(owner > 0, owner, np.nan)).astype("Int64")
-    columns["fate"] = [fates.get(value) for value in owner.tolist()]
-    return pd.DataFrame(columns)
+    pulses = pd.DataFrame(columns).join(pd.DataFrame(log.table("bearing")).set_index("pulse"))
+    finding = pd.Series(association["finding"], association["pulse"])
+    pulses["finding"] = finding[finding > 0].astype("Int64")
+    pulses["fate"] = finding.map({code: code.name.lower() for code in Unassociated})
+    return pulses

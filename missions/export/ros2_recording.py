@@ -5,8 +5,8 @@ Frames: `map` of the yard, `base_link` of the robot at its estimated pose, `lase
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +73,7 @@ DELETE_ALL = 3
 """Action of a visualization_msgs/Marker."""
 
 COLOURS = {"candidate": (1.0, 0.7, 0.16), "confirmed": (0.24, 0.86, 0.43), "outside": (0.6, 0.6, 0.63)}
+"""Colours of findings by state; those in another state are not shown."""
 
 
 def write_ros2_recording(log: MissionLog, path: Path) -> None:
@@ -82,25 +83,21 @@ def write_ros2_recording(log: MissionLog, path: Path) -> None:
     Field data whose times are Unix times keep them.
     """
     time_ns = _clock_ns(log.column("step", "time_s"), log.meta.get("date"))
-    messages = sorted(_messages(log, time_ns), key=lambda message: message[0])
     with path.open("wb") as file, Writer(file) as writer:
         schemas = {
-            name: writer.register_msgdef(name.replace("/", "/msg/"), definition(name))
-            for name in dict.fromkeys(TOPICS.values())
+            name: writer.register_msgdef(name.replace("/", "/msg/"), definition(name)) for name in set(TOPICS.values())
         }
-        for step, topic, content in messages:
-            at_ns = int(time_ns[step])
-            writer.write_message(topic, schemas[TOPICS[topic]], content, log_time=at_ns, publish_time=at_ns)
+        for step, topic, content in sorted(_messages(log, time_ns), key=itemgetter(0)):
+            writer.write_message(topic, schemas[TOPICS[topic]], content, int(time_ns[step]))
 
 
 def _clock_ns(time_s: FloatArray, date: str | None) -> NDArray[np.int64]:
     """Convert times of steps to Unix time in nanoseconds, for at least one step."""
-    if not time_s.size:
-        time_s = np.zeros(1)
-    if time_s[0] >= 1e9:  # September 2001; no survey lasts for decades
-        return np.round(1e9 * time_s).astype(np.int64)
-    start = datetime.fromisoformat(date or "1970-01-01").replace(tzinfo=UTC)
-    return round(start.timestamp()) * 10**9 + np.round(1e9 * (time_s - time_s[0])).astype(np.int64)
+    start_ns, since_s = np.int64(0), time_s if time_s.size else np.zeros(1)
+    if since_s[0] < 1e9:  # September 2001; no survey lasts for decades
+        start_ns = np.datetime64(date or "1970-01-01", "ns").astype(np.int64)
+        since_s = since_s - since_s[0]
+    return start_ns + np.round(1e9 * since_s).astype(np.int64)
 
 
 def definition(name: str) -> str:
@@ -112,36 +109,37 @@ def definition(name: str) -> str:
 
 def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[tuple[int, str, Content]]:
     """Yield step, topic and content of each message."""
-    step = log.table("step")
+    step, lidar = log.table("step"), log.meta.get("lidar")
 
     def header(at: int, frame: str = "map") -> Content:
-        return {"stamp": {"sec": int(time_ns[at] // 10**9), "nanosec": int(time_ns[at] % 10**9)}, "frame_id": frame}
+        sec, nanosec = divmod(int(time_ns[at]), 10**9)
+        return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
 
     yield 0, "/yard", {"markers": _yard_markers(log.meta, header(0))}
-    lidar = log.meta.get("lidar")
-    for at, pose in enumerate(step["pose"]):
-        place = {"translation": _xyz(*pose[:2]), "rotation": _rotation(pose[2])}
+    for at, (pose, true_pose) in enumerate(zip(step["pose"], step["true_pose"], strict=True)):
+        place = {"translation": _xyz(pose[:2]), "rotation": _rotation(pose[2])}
         transforms = [{"header": header(at), "child_frame_id": "base_link", "transform": place}]
         if lidar is not None:
-            mount = {"translation": _xyz(0.0, 0.0, lidar["height_m"]), "rotation": _rotation(0.0)}
+            mount = {"translation": {"z": lidar["height_m"]}, "rotation": {"w": 1.0}}
             transforms.append({"header": header(at, "base_link"), "child_frame_id": "laser", "transform": mount})
         yield at, "/tf", {"transforms": transforms}
         yield at, "/pose", {"header": header(at), "pose": _pose(pose)}
-        if np.isfinite(step["true_pose"][at]).all():
-            yield at, "/true_pose", {"header": header(at), "pose": _pose(step["true_pose"][at])}
+        if np.isfinite(true_pose).all():
+            yield at, "/true_pose", {"header": header(at), "pose": _pose(true_pose)}
     scan = log.table("scan")
     for at, range_m in zip(scan["step"].tolist(), scan["range_m"], strict=True):
         yield at, "/scan", _scan(header(at, "laser"), range_m, log.meta["lidar"])
     bearing = log.table("bearing")
     bearing_step = log.column("pulse", "step")[bearing["pulse"]]
     for at in np.unique(bearing_step).tolist():
-        rays = _marker(header(at), "line_list", "bearings", 0, (1.0, 0.9, 0.43), (0.05, 0.0, 0.0))
-        start_m = step["pose"][at][:2]
-        for azimuth_rad in bearing["bearing_rad"][bearing_step == at]:
-            end_m = start_m + 25.0 * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-            rays["points"] += [_xyz(x, y, 0.6) for x, y in (start_m, end_m)]
-        rays["lifetime"] = {"nanosec": 500_000_000}
-        yield at, "/bearings", {"markers": [rays]}
+        rays = [
+            {"x": along_m * np.cos(azimuth_rad), "y": along_m * np.sin(azimuth_rad), "z": 0.6}
+            for azimuth_rad in bearing["azimuth_rad"][bearing_step == at]
+            for along_m in (0.0, 25.0)
+        ]
+        style = "line_list", "bearings", 0, (1.0, 0.9, 0.43), [0.05]
+        lifetime = {"nanosec": 500_000_000}
+        yield at, "/bearings", {"markers": [_marker(header(at, "base_link"), *style, points=rays, lifetime=lifetime)]}
     finding = log.table("finding")
     for at in np.unique(finding["step"]).tolist():
         markers: list[Content] = [{"header": header(at), "action": DELETE_ALL}]
@@ -152,21 +150,23 @@ def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[tuple[int
 
 def _scan(header: Content, range_m: FloatArray, lidar: Mapping[str, float]) -> Content:
     """Return a scan with ranges from the axis of the robot, where the beams meet."""
-    beam_rad = 2.0 * np.pi / len(range_m)
+    beam_rad = 2.0 * np.pi / range_m.size
     return {
         "header": header,
-        "angle_min": 0.0,
         "angle_max": 2.0 * np.pi - beam_rad,
         "angle_increment": beam_rad,
         "scan_time": lidar["period_s"],
         "range_min": lidar["start_m"],
         "range_max": lidar["start_m"] + lidar["range_m"],
-        "ranges": (lidar["start_m"] + range_m.astype(np.float64)).tolist(),
+        "ranges": (lidar["start_m"] + range_m).tolist(),
     }
 
 
 def _yard_markers(meta: Mapping[str, Any], header: Content) -> list[Content]:
-    markers: list[Content] = []
+    markers = [
+        _marker(header, "text", "sites", number, (0.8, 0.6, 0.35), [0.0, 0.0, 0.3], place_m, text=name)
+        for number, (name, place_m) in enumerate(meta.get("sites", {}).items())
+    ]
     for number, solid in enumerate(meta.get("solids", {}).get("yard", ())):
         if solid["shape"] in MARKER_TYPES:
             size_m = np.array(solid["size_m"])
@@ -174,23 +174,21 @@ def _yard_markers(meta: Mapping[str, Any], header: Content) -> list[Content]:
             marker = _marker(header, solid["shape"], solid["group"], number, solid["rgba"], scale, solid["position_m"])
             marker["pose"]["orientation"] = dict(zip("wxyz", solid["quaternion_wxyz"], strict=True))
             markers.append(marker)
-    for number, (name, place_m) in enumerate(meta.get("sites", {}).items()):
-        markers.append(_marker(header, "text", "sites", number, (0.8, 0.6, 0.35), (0.0, 0.0, 0.3), place_m))
-        markers[-1]["text"] = name
     return markers
 
 
 def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
     """Return point, name and 95 % ellipse of a finding; nothing for multipath ghosts and dropped findings."""
-    number, state, place_m = int(row["id"]), str(row["state"]), row["position_m"]
-    if state not in COLOURS:
+    number, colour, place_m = row["id"], COLOURS.get(row["state"]), row["position_m"]
+    if colour is None:
         return []
-    point = _marker(header, "sphere", "findings", number, COLOURS[state], (0.4, 0.4, 0.4), place_m)
-    name = _marker(header, "text", "names", number, COLOURS[state], (0.0, 0.0, 0.5), (*place_m[:2], place_m[2] + 0.5))
-    name["text"] = f"{'finding' if state == 'confirmed' else 'candidate'} {number}"
-    ellipse = _marker(header, "line_strip", "ellipses", number, COLOURS[state], (0.06, 0.0, 0.0))
-    ellipse["points"] = [_xyz(x, y, 0.05) for x, y in outline95(place_m[:2], row["covariance_m2"][:2, :2], 37)]
-    return [point, name, ellipse]
+    outline_m = outline95(place_m[:2], row["covariance_m2"][:2, :2], 37)
+    above_m = place_m + np.array([0.0, 0.0, 0.5])
+    return [
+        _marker(header, "sphere", "findings", number, colour, [0.4, 0.4, 0.4], place_m),
+        _marker(header, "text", "names", number, colour, [0.0, 0.0, 0.5], above_m, text=f"finding {number}"),
+        _marker(header, "line_strip", "ellipses", number, colour, [0.06], points=[*map(_xyz, outline_m)]),
+    ]
 
 
 def _marker(
@@ -200,30 +198,32 @@ def _marker(
     number: int,
     rgba: Sequence[float],
     scale: Sequence[float] | FloatArray,
-    place_m: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
+    place_m: Sequence[float] | FloatArray = (),
+    **others: Any,  # noqa: ANN401 - fields of many types
 ) -> Content:
-    """Return a marker; a colour without opacity is opaque."""
+    """Return a marker, with other fields as given; a colour without opacity is opaque."""
     return {
         "header": header,
         "ns": namespace,
         "id": number,
         "type": MARKER_TYPES[kind],
-        "pose": {"position": _xyz(*place_m), "orientation": _rotation(0.0)},
-        "scale": _xyz(*scale),
-        "color": {"a": 1.0} | dict(zip("rgba", rgba, strict=False)),
-        "points": [],
+        "pose": {"position": _xyz(place_m), "orientation": {"w": 1.0}},
+        "scale": _xyz(scale),
+        "color": dict(zip("rgba", (*rgba, 1.0), strict=False)),
+        **others,
     }
 
 
 def _pose(pose: FloatArray) -> Content:
     """Return a pose of x, y and yaw."""
-    return {"position": _xyz(*pose[:2]), "orientation": _rotation(pose[2])}
+    return {"position": _xyz(pose[:2]), "orientation": _rotation(pose[2])}
 
 
-def _xyz(x: float, y: float, z: float = 0.0) -> Content:
-    return {"x": float(x), "y": float(y), "z": float(z)}
+def _xyz(values: Iterable[float]) -> Content:
+    """Return a point or vector; missing coordinates are zero."""
+    return dict(zip("xyz", values, strict=False))
 
 
 def _rotation(yaw_rad: float) -> Content:
     """Return a rotation about z as a quaternion."""
-    return {"z": float(np.sin(0.5 * yaw_rad)), "w": float(np.cos(0.5 * yaw_rad))}
+    return {"z": np.sin(0.5 * yaw_rad), "w": np.cos(0.5 * yaw_rad)}
