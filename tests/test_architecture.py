@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 MAY_IMPORT = {
     "dirmusic": set(),
     "sensing": {"dirmusic"},
-    "robot_models": {"dirmusic.arrays", "dirmusic.compiled"},
+    "robot_models": {"dirmusic.arrays", "dirmusic.compiled", "dirmusic.input_file"},
     "envs": {"sensing", "dirmusic", "robot_models"},
     "missions": {"envs", "sensing", "dirmusic", "robot_models"},
 }

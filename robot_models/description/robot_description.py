@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,18 +12,6 @@ from dirmusic.arrays import FloatArray
 
 SHIPPED = ("crawler", "inspector")
 """Names of the robots that come with the package."""
-
-
-class RobotFileError(ValueError):
-    """Error for a robot that cannot be used.
-
-    Attributes:
-        faults: One line for each error: file, element, requirement and value.
-    """
-
-    def __init__(self, faults: Sequence[str]) -> None:
-        self.faults = tuple(faults)
-        super().__init__("\n".join(self.faults))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ Lidar beams, contact sensors of the hull and antenna elements are added when a w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -31,14 +31,9 @@ import mujoco
 import numpy as np
 
 from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.input_file import InputFileError
 from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
-from pdpatrol.robot_models.description.robot_description import (
-    SHIPPED,
-    RobotDescription,
-    RobotFileError,
-    is_path,
-    xml_path,
-)
+from pdpatrol.robot_models.description.robot_description import SHIPPED, RobotDescription, is_path, xml_path
 from pdpatrol.robot_models.description.robot_measures import driven_wheels, extents
 from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, LIDAR_PERIOD_S, OBSTACLE_CONTYPE
 from pdpatrol.robot_models.world import build_spec
@@ -47,8 +42,8 @@ from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 TOLERANCE_M = 0.005
 """Tolerance of positions in a robot file (assumed)."""
 
-Requirement = tuple[str, bool | np.bool_, str]
-"""Element of the file, whether it meets the requirement, and the text of the requirement."""
+Requirements = Mapping[str, bool | np.bool_]
+"""Element of the file and what it must be, and whether the requirement is met."""
 
 
 def load_robot(model: str | Path) -> RobotDescription:
@@ -58,12 +53,12 @@ def load_robot(model: str | Path) -> RobotDescription:
         model: Name of a shipped robot, or path of an MJCF file.
 
     Raises:
-        RobotFileError: If the name is unknown, or the file does not describe a robot.
+        InputFileError: If the name is unknown, or the file does not describe a robot.
     """
     if is_path(model):
         return read_robot(Path(model))
     if str(model) not in SHIPPED:
-        raise RobotFileError([f"{model}: must be one of {', '.join(SHIPPED)}, or the path of an MJCF file, in .xml"])
+        raise InputFileError([f"{model}: must be one of {', '.join(SHIPPED)}, or the path of an MJCF file, in .xml"])
     return _shipped(str(model))
 
 
@@ -76,82 +71,77 @@ def read_robot(path: Path) -> RobotDescription:
     """Read and measure a robot; the docstring of this module describes the contents of its file.
 
     Raises:
-        RobotFileError: If the file cannot be read, or does not describe a robot. All errors of its parts are listed
+        InputFileError: If the file cannot be read, or does not describe a robot. All errors of its parts are listed
             together; without any, all errors of its measures are.
     """
     if not path.is_file():
-        raise RobotFileError([f"{path}: no such file; it must be an MJCF file"])
+        raise InputFileError([f"{path}: no such file; it must be an MJCF file"])
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(warnings.append)  # otherwise MuJoCo prints them and writes a log file
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        if spec.numeric("yaw_rate_gain") is None:
+            spec.add_numeric(name="yaw_rate_gain", data=[0.0])
         model = spec.compile()
         _refuse(path, _part_requirements(model))
-        robot = _measure(path, spec, model)
+        robot = _at_rest(_measure(path, model), has_home=spec.key("home") is not None)
         if not warnings:
             return robot
-    except RobotFileError:
+    except InputFileError:
         raise
     except (ValueError, KeyError) as error:  # a KeyError names the missing part and the existing ones
         warnings.append(str(error.args[0]))
     finally:
         mujoco.set_mju_user_warning(before)
     lines = [" ".join(text.removeprefix("Error: ").split()) for text in warnings]
-    raise RobotFileError([f"{path}: refused by MuJoCo: {line}" for line in lines])
+    raise InputFileError([f"{path}: refused by MuJoCo: {line}" for line in lines])
 
 
-def _refuse(path: Path, requirements: Sequence[Requirement]) -> None:
+def _refuse(path: Path, requirements: Requirements) -> None:
     """Raise an error with a line for each requirement that does not hold."""
-    if faults := [f"{path}: {element}: {required}" for element, holds, required in requirements if not holds]:
-        raise RobotFileError(faults)
+    if faults := [f"{path}: {requirement}" for requirement, holds in requirements.items() if not holds]:
+        raise InputFileError(faults)
 
 
 def _numeric(model: mujoco.MjModel, name: str) -> float:
-    """Return the value of a custom numeric: NaN if it is not a single number, and 0 if `yaw_rate_gain` is missing."""
-    is_missing = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name) < 0
-    values = np.zeros(1) if is_missing and name == "yaw_rate_gain" else model.numeric(name).data
+    """Return the value of a custom numeric: NaN if it is not a single number."""
+    values = model.numeric(name).data
     return float(values[0]) if values.size == 1 else np.nan
 
 
-def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
+def _part_requirements(model: mujoco.MjModel) -> Requirements:
     base, free, gyro = model.body("base").id, model.joint("floating_base"), model.sensor("gyro")
     imu, lidar = model.site("imu"), model.site("lidar")
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
     is_hull = model.geom_conaffinity & OBSTACLE_CONTYPE > 0
     (joints, actuators, sides), gain = driven_wheels(model), _numeric(model, "yaw_rate_gain")
-    limits = [(name, _numeric(model, name)) for name in ("max_speed", "max_yaw_rate", "max_acceleration")]
+    limits = {name: _numeric(model, name) for name in ("max_speed", "max_yaw_rate", "max_acceleration")}
     are_hinges = (model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_HINGE).all()
     are_on_floor = np.isin(model.jnt_bodyid[joints], model.geom_bodyid[is_on_floor]).all()
     is_free = free.type[0] == mujoco.mjtJoint.mjJNT_FREE and free.bodyid[0] == base
     is_alone = (model.body_rootid[1:] == base).all() and not (model.geom_bodyid == 0).any()
     is_level = np.allclose(np.abs(imu.quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3)
     is_gyro = gyro.type[0] == mujoco.mjtSensor.mjSENS_GYRO and gyro.objid[0] == imu.id
-    return [
-        ("base", is_free, "must have the free joint `floating_base`"),
-        ("base", is_alone, "must be the only child of the world; leave out floor and obstacles"),
-        ("imu", imu.bodyid[0] == base and is_level, "must be a site of `base`, in its orientation"),
-        ("lidar", lidar.bodyid[0] == base, "must be a site of `base`"),
-        ("gyro", is_gyro, "must be a gyro at the site `imu`"),
-        (
-            "geoms",
-            not (model.geom_contype.any() or (is_on_floor & is_hull).any()),
-            "contype must be 0, because a robot does not touch itself, and conaffinity 1 to touch the floor or 2 to "
-            "touch obstacles, not both",
-        ),
-        (
-            "wheels",
-            np.unique(sides).size == 2 and are_hinges and are_on_floor and (actuators >= 0).all(),
-            "must be hinges with names that begin with `left_wheel` and `right_wheel`, each with an actuator, in "
-            "bodies with a geom that touches the floor, with conaffinity 1",
-        ),
-        ("hull", is_hull.any(), "a geom must touch obstacles, with conaffinity 2"),
-        ("yaw_rate_gain", 0.0 <= gain < np.inf, f"must be one number of 0 or more, got {gain:g}"),
-        *((name, 0.0 < value < np.inf, f"must be one number above 0, got {value:g}") for name, value in limits),
-    ]
+    is_filtered = not (model.geom_contype.any() or (is_on_floor & is_hull).any())
+    are_wheels = np.unique(sides).size == 2 and are_hinges and are_on_floor and (actuators >= 0).all()
+    return {
+        "base: must have the free joint `floating_base`": is_free,
+        "base: must be the only child of the world; leave out floor and obstacles": is_alone,
+        "imu: must be a site of `base`, in its orientation": imu.bodyid[0] == base and is_level,
+        "lidar: must be a site of `base`": lidar.bodyid[0] == base,
+        "gyro: must be a gyro at the site `imu`": is_gyro,
+        "geoms: contype must be 0, because a robot does not touch itself, and conaffinity 1 to touch the floor or 2 to "
+        "touch obstacles, not both": is_filtered,
+        "wheels: must be hinges with names that begin with `left_wheel` and `right_wheel`, each with an actuator, in "
+        "bodies with a geom that touches the floor, with conaffinity 1": are_wheels,
+        "hull: a geom must touch obstacles, with conaffinity 2": is_hull.any(),
+        f"yaw_rate_gain: must be one number of 0 or more, got {gain:g}": 0.0 <= gain < np.inf,
+        **{f"{name}: must be one number above 0, got {x:g}": 0.0 < x < np.inf for name, x in limits.items()},
+    }
 
 
-def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDescription:
+def _measure(path: Path, model: mujoco.MjModel) -> RobotDescription:
     r"""Measure a robot that has all required parts, and check its measures.
 
     The effective track of a skid-steered robot is computed as follows. A wheel at a distance x ahead of the centre
@@ -163,29 +153,36 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
     where b is the track, the distance between left and right wheels. If all wheels are on one axle, b' equals b.
     """
     data = mujoco.MjData(model)
+    data.joint("floating_base").qpos = [
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+    ]  # so that the world frame is that of the base
     mujoco.mj_kinematics(model, data)
-    base, (joints, actuators, sides), up = model.body("base").id, driven_wheels(model), np.array([[0.0, 0.0, 1.0]])
-    base_from_world = data.xmat[base].reshape(3, 3).T
+    (joints, actuators, sides), up = driven_wheels(model), np.array([[0.0, 0.0, 1.0]])
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
-    rolling = [int(np.flatnonzero(is_on_floor & (model.geom_bodyid == body))[0]) for body in model.jnt_bodyid[joints]]
-    place_m = (data.geom_xpos[rolling] - data.xpos[base]) @ base_from_world.T
+    rolling = [np.flatnonzero(is_on_floor & (model.geom_bodyid == body))[0] for body in model.jnt_bodyid[joints]]
+    place_m = data.geom_xpos[rolling]
     radius_m = extents(model, data, rolling, -up)[:, 0] + place_m[:, 2]
     left_m, right_m = (place_m[sides == side, :2].mean(axis=0) for side in (0, 1))
     track_m = float(left_m[1] - right_m[1])
-    offset_m = place_m[:, 0] - place_m[:, 0].mean()
     angle_rad = np.radians(np.arange(0.0, 360.0, 1.0))  # outlines have a relative error below 4e-5
-    level = np.stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros_like(angle_rad)], axis=-1)
-    touching = np.flatnonzero(model.geom_conaffinity).tolist()
-    outline_m = extents(model, data, touching, level).max(axis=0)
-    hull = np.flatnonzero(model.geom_conaffinity & OBSTACLE_CONTYPE).tolist()
-    hull_m = extents(model, data, hull, level).max(axis=0)
+    level = np.column_stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros(360)])
+    touching, hull = (
+        np.flatnonzero(bits) for bits in (model.geom_conaffinity, model.geom_conaffinity & OBSTACLE_CONTYPE)
+    )
+    outline_m, hull_m = (extents(model, data, geoms, level).max(axis=0) for geoms in (touching, hull))
     x, y, z = model.site("lidar").pos.tolist()
     robot = RobotDescription(
         name=path.stem,
         xml_path=path,
         home_qpos=tuple(model.qpos0.tolist()),
         wheel_radius_m=float(radius_m[0]),
-        turning_track_m=track_m + 4.0 * float(np.square(offset_m).mean()) / track_m if track_m > 0 else np.nan,
+        turning_track_m=track_m + 4.0 * float(place_m[:, 0].var()) / track_m if track_m > 0 else np.nan,
         footprint_radius_m=float(outline_m.max()),
         inner_radius_m=float(hull_m.min()),
         height_m=float(extents(model, data, touching, up).max()),
@@ -196,7 +193,6 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
         lidar_start_m=x,
         lidar_height_m=z,
     )
-    axes = data.xaxis[joints] @ base_from_world.T
     (middle_x, middle_y), above_m = 0.5 * (left_m + right_m), place_m[:, 2] - radius_m
     excess_m = float((outline_m - hull_m).max())
     needed_mps = robot.max_speed_mps + 0.5 * robot.turning_track_m * robot.max_yaw_rate_radps
@@ -205,68 +201,39 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
     is_wide = (low <= -needed_radps) & (high >= needed_radps) | (model.actuator_ctrllimited[actuators] == 0)
     spin_radps, steps = _spin(model, joints, actuators), LIDAR_PERIOD_S / model.opt.timestep
     is_inside = 0.0 <= x <= robot.inner_radius_m + 1e-6 and abs(y) <= 1e-6 and 0.0 < z <= robot.height_m
-    requirements = [
-        (
-            "wheels",
-            np.allclose(axes, [0.0, 1.0, 0.0], atol=1e-3),
-            "axes must be 0 1 0, so that a positive speed drives forward",
+    is_round = np.ptp(radius_m) <= TOLERANCE_M and np.abs(above_m).max() <= TOLERANCE_M
+    is_centred = track_m > 0 and max(abs(middle_x), abs(middle_y)) <= TOLERANCE_M
+    requirements = {
+        "wheels: axes must be 0 1 0, so that a positive speed drives forward": np.allclose(
+            data.xaxis[joints], [0.0, 1.0, 0.0], atol=1e-3
         ),
-        (
-            "wheels",
-            np.ptp(radius_m) <= TOLERANCE_M and np.abs(above_m).max() <= TOLERANCE_M,
-            "must have one radius, and stand at the height of the base's origin; "
-            f"radii {radius_m.round(3)} m, above it {above_m.round(3)} m",
-        ),
-        (
-            "wheels",
-            track_m > 0 and max(abs(middle_x), abs(middle_y)) <= TOLERANCE_M,
-            "those on the left must have a larger y, and the middle between them must be the base's origin; "
-            f"track {track_m:.3f} m, middle {middle_x:.3f} {middle_y:.3f} m",
-        ),
-        ("hull", excess_m <= TOLERANCE_M, f"must cover wheels and casters, which extend {excess_m:.3f} m beyond it"),
-        (
-            "hull",
-            robot.height_m <= ROBOT_HEIGHT_M,
-            f"must be at most {ROBOT_HEIGHT_M} m high, because paths are planned below equipment that begins higher, "
-            f"got {robot.height_m:.2f} m",
-        ),
-        (
-            "lidar",
-            is_inside,
-            f"must have x from 0 to {robot.inner_radius_m:.3f}, within the hull, y 0, and z from the floor to "
-            f"{robot.height_m:.2f}, got {x:g} {y:g} {z:g}",
-        ),
-        (
-            "actuators",
-            np.allclose(spin_radps, 1.0, atol=0.05),
-            'must take the speed of the wheel, <velocity> or <dcmotor input="vel">; in the air, the wheels turn at '
-            f"{spin_radps.round(3)} rad/s, 1 s after 1 rad/s was commanded",
-        ),
-        (
-            "actuators",
-            is_wide.all(),
-            f"ctrlrange must hold {-needed_radps:.3g} to {needed_radps:.3g}, which max_speed and max_yaw_rate need "
-            f"together, got {low.max():g} to {high.min():g}",
-        ),
-        (
-            "option",
-            steps >= 1 and abs(steps - round(steps)) <= 1e-6,
-            f"timestep must be a whole fraction of {LIDAR_PERIOD_S} s, the time between two commands, got "
-            f"{model.opt.timestep:g} s",
-        ),
-    ]
+        "wheels: must have one radius, and stand at the height of the base's origin; "
+        f"radii {radius_m.round(3)} m, above it {above_m.round(3)} m": is_round,
+        "wheels: those on the left must have a larger y, and the middle between them must be the base's origin; "
+        f"track {track_m:.3f} m, middle {middle_x:.3f} {middle_y:.3f} m": is_centred,
+        f"hull: must cover wheels and casters, which extend {excess_m:.3f} m beyond it": excess_m <= TOLERANCE_M,
+        f"hull: must be at most {ROBOT_HEIGHT_M} m high, because paths are planned below equipment that begins higher, "
+        f"got {robot.height_m:.2f} m": robot.height_m <= ROBOT_HEIGHT_M,
+        f"lidar: must have x from 0 to {robot.inner_radius_m:.3f}, within the hull, y 0, and z from the floor to "
+        f"{robot.height_m:.2f}, got {x:g} {y:g} {z:g}": is_inside,
+        'actuators: must take the speed of the wheel, <velocity> or <dcmotor input="vel">; in the air, the wheels turn '
+        f"at {spin_radps.round(3)} rad/s, 1 s after 1 rad/s was commanded": np.allclose(spin_radps, 1.0, atol=0.05),
+        f"actuators: ctrlrange must hold {-needed_radps:.3g} to {needed_radps:.3g}, which max_speed and max_yaw_rate "
+        f"need together, got {low.max():g} to {high.min():g}": is_wide.all(),
+        f"option: timestep must be a whole fraction of {LIDAR_PERIOD_S} s, the time between two commands, got "
+        f"{model.opt.timestep:g} s": steps >= 1 and abs(steps - round(steps)) <= 1e-6,
+    }
     _refuse(path, requirements)
-    return _at_rest(robot, has_home=spec.key("home") is not None)
+    return robot
 
 
 def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> FloatArray:
     """Return the speeds of the wheels, lifted off the floor, 1 s after a command of 1 rad/s, shape (n_wheels,)."""
-    data, gravity = mujoco.MjData(model), model.opt.gravity.copy()
+    data = mujoco.MjData(model)
     model.opt.gravity[:] = 0.0
     data.ctrl[actuators] = 1.0
     mujoco.mj_step(model, data, nstep=round(1.0 / model.opt.timestep))
-    model.opt.gravity[:] = gravity
-    return data.qvel[model.jnt_dofadr[joints]].copy()
+    return data.qvel[model.jnt_dofadr[joints]]
 
 
 def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:
@@ -291,5 +258,5 @@ def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:
         base.qpos[:2], base.qpos[6] = 0.0, 0.0
         base.qpos[3:7] /= np.linalg.norm(base.qpos[3:7])
     is_home = stands and moved_m <= TOLERANCE_M
-    _refuse(robot.xml_path, [("home", is_home, "the robot must stand by itself, upright and at rest at the origin")])
+    _refuse(robot.xml_path, {"home: the robot must stand by itself, upright and at rest at the origin": is_home})
     return replace(robot, home_qpos=tuple(home_qpos.tolist()))

@@ -19,12 +19,11 @@ def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:
         Index of the joint of each wheel, index of the first actuator of that joint (-1 if it has none), and side of the
         wheel (0 for left, 1 for right), each of shape (n_wheels,).
     """
-    names = [model.joint(joint).name for joint in range(model.njnt)]
     found = [
         (joint, side)
         for side, prefix in enumerate(("left_wheel", "right_wheel"))
-        for joint, name in enumerate(names)
-        if name.startswith(prefix)
+        for joint in range(model.njnt)
+        if model.joint(joint).name.startswith(prefix)
     ]
     joint, side = np.array(found, dtype=np.intp).reshape(-1, 2).T
     driven = np.where(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, model.actuator_trnid[:, 0], -1).tolist()
@@ -32,8 +31,10 @@ def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:
     return joint, np.array(actuator, dtype=np.intp), side
 
 
-def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], directions: FloatArray) -> FloatArray:
-    r"""Compute the extent of each geom in each direction, from the origin of the body `base` (support function).
+def extents(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int] | IntArray, directions: FloatArray
+) -> FloatArray:
+    r"""Compute the extent of each geom in each direction, from the origin of the world (support function).
 
     .. math:: h(d) = \max_{p} d \cdot p
 
@@ -41,22 +42,20 @@ def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], di
     spheres.
 
     Args:
-        model: Model with a body `base`.
+        model: Model of the geoms.
         data: Data of the model after `mj_kinematics`.
         geoms: Indices of the geoms.
-        directions: Unit vectors, frame of the base, shape (n_directions, 3).
+        directions: Unit vectors, world frame, shape (n_directions, 3).
 
     Returns:
         Extents, shape (n_geoms, n_directions), metres.
     """
-    base = model.body("base").id
-    world_from_base = data.xmat[base].reshape(3, 3)
-    found = np.empty((len(geoms), len(directions)))
-    for row, geom in enumerate(geoms):
-        centre = world_from_base.T @ (data.geom_xpos[geom] - data.xpos[base])
-        base_from_geom = world_from_base.T @ data.geom_xmat[geom].reshape(3, 3)
-        found[row] = directions @ centre + _support(model, geom, directions @ base_from_geom)
-    return found
+    return np.array(
+        [
+            directions @ data.geom_xpos[geom] + _support(model, geom, directions @ data.geom_xmat[geom].reshape(3, 3))
+            for geom in geoms
+        ]
+    )
 
 
 def _support(model: mujoco.MjModel, geom: int, directions: FloatArray) -> FloatArray:

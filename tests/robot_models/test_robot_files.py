@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.description.robot_description import RobotFileError
+from dirmusic.input_file import InputFileError
 from pdpatrol.robot_models.description.robot_file import load_robot
 from tests.robot_models.one_robot import Edited, OneRobot
 
@@ -98,7 +98,7 @@ def test_invalid_robot_is_refused_with_one_line_per_error(
     changes: list[tuple[str, str]], lines: list[str], edited: Edited, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = edited(*changes)
-    with pytest.raises(RobotFileError) as refused:
+    with pytest.raises(InputFileError) as refused:
         load_robot(path)
     errors = [line.removeprefix(f"{path}: ") for line in refused.value.faults]
     assert len(errors) == len(lines), errors
@@ -117,6 +117,6 @@ def test_invalid_robot_is_refused_with_one_line_per_error(
     ],
 )
 def test_missing_robot_is_refused(model: str, expected: str) -> None:
-    with pytest.raises(RobotFileError) as refused:
+    with pytest.raises(InputFileError) as refused:
         load_robot(model)
     assert refused.value.faults == (expected,)
