@@ -72,7 +72,7 @@ class Camera:
             self._renderer = make_renderer(model)
             if mode == "depth_array":
                 self._renderer.enable_depth_rendering()
-        elif not _has_screen():
+        elif sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
             logging.getLogger(__name__).warning("there is no screen (DISPLAY is not set): no window is opened")
         else:
             from mujoco import viewer  # the import fails without a display
@@ -104,10 +104,6 @@ class Camera:
                 opened.close()
         for thread in self._threads:  # a window that outlives the interpreter crashes it
             thread.join(timeout=5.0)
-
-
-def _has_screen() -> bool:
-    return not sys.platform.startswith("linux") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
 
 
 def pictures_from_behind(model: mujoco.MjModel, poses: FloatArray, view_rad: FloatArray) -> Iterator[NDArray[np.uint8]]:

@@ -52,21 +52,18 @@ class Robots:
     ) -> None:
         self._arguments = (robot, yard, elements, n_robots, n_threads)
         self.robot, self._yard, self._elements = robot, yard, elements
-        has_feedback = robot.yaw_rate_gain > 0
-        model: mujoco.MjModel = physics_only(build_spec(robot, yard), has_feedback).compile()
+        model: mujoco.MjModel = physics_only(build_spec(robot, yard)).compile()
         self.physics, self.step_s, self._home = model, float(model.opt.timestep), model.key("home").id
         self._batch = batch = Batch(model, n_robots, n_threads)
-        free = model.joint("floating_base")
-        base, turn, lidar = int(free.qposadr[0]), int(free.dofadr[0]), int(model.sensor("lidar_00").adr[0])
-        qpos, sensordata = batch.bind("qpos"), batch.bind("sensordata")
-        self._ctrl, self._base = batch.bind("ctrl"), qpos[:, base : base + 7]
+        base, lidar = batch.joint("floating_base"), int(model.sensor("lidar_00").adr[0])
+        self._ctrl, self._base, self._gyro_radps = batch.ctrl, base.qpos, batch.sensor("gyro").data[:, 2]
         live = (
             self._base,
-            batch.bind("qvel")[:, turn : turn + 6],
-            qpos,
-            batch.bind("actuator_force"),
-            batch.bind("actuator_velocity"),
-            sensordata[:, lidar : lidar + LIDAR_BEAMS],
+            base.qvel,
+            batch.qpos,
+            batch.actuator_force,
+            batch.actuator_velocity,
+            batch.sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
         drive = _drive(model)
         self._read = (live, tuple(drive), robot.lidar_start_m, LIDAR_RANGE_M)
@@ -79,7 +76,6 @@ class Robots:
             robot.max_acceleration_mps2,
             robot.yaw_rate_gain,
         )
-        self._gyro_radps = sensordata[:, int(model.sensor("gyro").adr[0]) + 2] if has_feedback else np.zeros(n_robots)
         self._feedback = np.zeros(n_robots), np.zeros((n_robots, 2)), np.zeros(n_robots)
         self._touches = self._stored_contacts()
         self._found = self._touches[..., 0, 0]  # in each step, the contacts that were found are listed first
@@ -96,12 +92,11 @@ class Robots:
         Returns:
             Shape (n_robots, n_sensors, n_steps, n_contacts, 4).
         """
-        model, history = self.physics, self._batch.bind("history")
+        model, history = self.physics, self._batch.history
         sensors = [k for k in range(model.nsensor) if model.sensor(k).name.startswith("hull/")]
         n_steps, size = int(model.sensor_history[sensors[0], 0]), int(model.sensor_dim[sensors[0]])
         first, head = int(model.sensor_historyadr[sensors[0]]), 2 + n_steps
         each = head + n_steps * size
-        assert model.sensor_historyadr[sensors].tolist() == [first + each * k for k in range(len(sensors))]
         rows = history[:, first : first + each * len(sensors)].reshape(len(history), len(sensors), each)
         return rows[:, :, head:].reshape(len(history), len(sensors), n_steps, -1, 4)
 
@@ -138,7 +133,7 @@ class Robots:
             base[:2] = x, y
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
         start = batch.state[ids].copy()
-        batch.bind("time")[ids] = LIDAR_PERIOD_S  # so that a lidar scan is due; a step reads all sensors at its start
+        batch.time[ids] = LIDAR_PERIOD_S  # so that a lidar scan is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
             self._places[row] = set()
@@ -195,15 +190,12 @@ class Robots:
 
     def n_warnings(self) -> IntArray:
         """Return the number of MuJoCo warnings for each robot, shape (n_robots,)."""
-        return np.asarray(self._batch.warning).reshape(len(self._places), -1).sum(axis=-1)
+        return self._batch.warning.sum(axis=(1, 2))
 
     def data(self, row: int = 0) -> mujoco.MjData:
         """Copy the complete world of one robot in its current state, for rendering and queries."""
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        state = np.empty(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.physics, self._batch.get_data(row), state, kind)
         data = mujoco.MjData(self.model)
-        mujoco.mj_setState(self.model, data, state, kind)
+        mujoco.mj_setState(self.model, data, self._batch.state[row], mujoco.mjtState.mjSTATE_INTEGRATION)
         mujoco.mj_forward(self.model, data)
         return data
 
@@ -216,14 +208,14 @@ class Robots:
         contacts[..., 0] = 0.0
 
     def __getstate__(self) -> tuple[Any, ...]:
-        state = self._batch.state.copy(), self._feedback, self._places, self.is_touching, self.readings
-        return self._arguments, *state
+        state = self._batch.state.copy()
+        return self._arguments, state, self._feedback, self._places, self.is_touching, self.readings
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:
-        arguments, state, feedback, places, is_touching, readings = kept
+        arguments, state, *own = kept
         self.__init__(*arguments)
         self._batch.state[:] = state
-        self._feedback, self._places, self.is_touching, self.readings = feedback, places, is_touching, readings
+        self._feedback, self._places, self.is_touching, self.readings = own
 
 
 def _drive(model: mujoco.MjModel) -> Drive:
