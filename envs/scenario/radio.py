@@ -23,4 +23,4 @@ def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
         second_order: Whether to trace waves that are reflected by two walls in turn.
     """
     kinds = [item.kind for item in yard.equipment]
-    return Surroundings.of_kinds(kinds, upright_solids(**yard.solid_columns()), second_order=second_order)
+    return Surroundings.of_kinds(kinds, upright_solids(**vars(yard.solids)), second_order=second_order)

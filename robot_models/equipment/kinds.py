@@ -31,7 +31,7 @@ def busbar(length_m: float) -> Assembly:
     parts: dict[str, Solid] = {}
     sites: dict[str, Site] = {}
     for frame, x in enumerate((-0.45 * length_m, 0.0, 0.45 * length_m), start=1):
-        for side, y in zip(("right", "left"), (-1.6, 1.6), strict=True):
+        for side, y in {"right": -1.6, "left": 1.6}.items():
             parts[f"leg_{frame}_{side}"] = Solid(centre_m=(x, y), radius_m=0.12, top_m=2.6)
         parts[f"beam_{frame}"] = Solid(centre_m=(x, 0.0), footprint_m=(0.2, 3.6), bottom_m=2.6, top_m=2.8)
         for phase, y in enumerate(phases_m, start=1):
@@ -47,15 +47,16 @@ def circuit_breaker(length_m: float) -> Assembly:
 
     The candidate sites are at the flanges of the poles and at the drive.
     """
-    poles_m = (-0.42 * length_m, 0.0, 0.42 * length_m)
-    parts: dict[str, Solid] = {
+    parts = {
         "frame": Solid(footprint_m=(length_m, 0.4), top_m=1.6),
         "drive": Solid(centre_m=(0.0, -0.45), footprint_m=(0.9, 0.5), bottom_m=0.3, top_m=1.7),
     }
-    for number, x in enumerate(poles_m, start=1):
+    sites: dict[str, Site] = {}
+    for number, x in enumerate((-0.42 * length_m, 0.0, 0.42 * length_m), start=1):
         parts[f"pole_{number}"] = Solid(centre_m=(x, 0.0), radius_m=0.17, bottom_m=1.6, top_m=4.2)
-    sites = {f"pole_{number}": (x, 0.17, 1.8) for number, x in enumerate(poles_m, start=1)}
-    return Assembly(parts, sites | {"drive": (0.2, -0.7, 1.2)})
+        sites[f"pole_{number}"] = (x, 0.17, 1.8)
+    sites["drive"] = (0.2, -0.7, 1.2)
+    return Assembly(parts, sites)
 
 
 def control_building(length_m: float) -> Assembly:
@@ -96,7 +97,7 @@ def gis_bay(length_m: float) -> Assembly:
     at the middle breaker.
     """
     half = 0.5 * length_m
-    parts: dict[str, Solid] = {
+    parts = {
         "enclosure": Solid(footprint_m=(length_m, 1.4), bottom_m=0.3, top_m=2.0),
         "base": Solid(footprint_m=(length_m, 1.2), top_m=0.3),
         "cubicle": Solid(centre_m=(-half - 0.4, 0.0), footprint_m=(0.8, 1.4), top_m=2.3),
@@ -122,8 +123,8 @@ def power_transformer(length_m: float) -> Assembly:
 
     The candidate sites are at the high-voltage bushings, at the tap changer and at a flange at the end of the tank.
     """
-    half, phases_m = 0.5 * length_m, (-1.4, 0.0, 1.4)
-    parts: dict[str, Solid] = {
+    half = 0.5 * length_m
+    parts = {
         "tank": Solid(footprint_m=(length_m, 2.2), top_m=2.8),
         "radiators_left": Solid(centre_m=(0.0, 1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
         "radiators_right": Solid(centre_m=(0.0, -1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
@@ -131,10 +132,11 @@ def power_transformer(length_m: float) -> Assembly:
         "conservator_legs": Solid(centre_m=(-half + 0.4, 0.0), footprint_m=(0.2, 1.4), bottom_m=2.8, top_m=3.2),
         "tap_changer": Solid(centre_m=(half + 0.3, 0.0), footprint_m=(0.6, 1.0), bottom_m=0.6, top_m=2.2),
     }
-    for number, x in enumerate(phases_m, start=1):
+    sites: dict[str, Site] = {}
+    for number, x in enumerate((-1.4, 0.0, 1.4), start=1):
         parts[f"hv_bushing_{number}"] = Solid(centre_m=(x, 0.6), radius_m=0.18, bottom_m=2.8, top_m=4.4)
         parts[f"lv_bushing_{number}"] = Solid(centre_m=(x, -0.7), radius_m=0.1, bottom_m=2.8, top_m=3.4)
-    sites = {f"hv_bushing_{n}": (x, 0.6 + 0.18, 3.8) for n, x in enumerate(phases_m, start=1)}
+        sites[f"hv_bushing_{number}"] = (x, 0.78, 3.8)
     sites |= {"tap_changer": (half + 0.6, 0.2, 1.4), "tank_end": (-half, 0.5, 1.2)}
     return Assembly(parts, sites)
 

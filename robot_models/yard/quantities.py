@@ -23,11 +23,7 @@ MOST_LETTERS = 64
 """Maximum length of a name, in characters."""
 
 
-def _without_sign_of_zero(value: float) -> float:
-    return value + 0.0
-
-
-PLAIN_ZERO = AfterValidator(_without_sign_of_zero)
+PLAIN_ZERO = AfterValidator(lambda value: value + 0.0)
 """Validator that converts -0.0 to 0."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=MOST_LETTERS)]

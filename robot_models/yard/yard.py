@@ -6,11 +6,12 @@ need MuJoCo, so that scenarios can be checked and paths planned without a model.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field, model_validator
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
@@ -65,23 +66,19 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """Solids that a robot cannot pass below."""
         return self.solids.take(self.solids.bottom_m < ROBOT_HEIGHT_M)
 
-    def solid_columns(self) -> dict[str, NDArray[Any]]:
-        """Return the fields of `YardSolids` for all solids, by name."""
-        return dict(vars(self.solids))
-
     def across_fence(self, item: Equipment) -> float:
         """Return the horizontal distance by which a piece of equipment extends beyond the fence; negative inside."""
         low_m, high_m = item.solids.extent_m
-        return float(np.maximum(-low_m, high_m - np.asarray(self.size_m)).max())
+        return float(np.maximum(-low_m, high_m - self.size_m).max())
 
     def contains(self, points_m: ArrayLike) -> BoolArray:
         """Return whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
-        return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
+        return np.all((points >= 0.0) & (points <= self.size_m), axis=-1)
 
-    def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
+    def is_crossed(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
         """Return whether at least one of 1000 points on the line between two world points lies inside the fence."""
-        return bool(self.contains(np.linspace(np.asarray(start_m), np.asarray(end_m), 1000)).any())
+        return bool(self.contains(np.linspace(start_m, end_m, 1000)).any())
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Return the horizontal distance from world points (..., 2) to the nearest obstacle or fence; negative inside.
@@ -89,7 +86,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         Equipment that a robot can pass below is not an obstacle.
         """
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
-        to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
+        to_fence = np.minimum(points, self.size_m - points).min(axis=-1)
         return np.minimum(to_fence, self._to_equipment(points))
 
     def _to_equipment(self, points_m: FloatArray) -> FloatArray:
@@ -143,5 +140,5 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         names += [f"equipment/{self.equipment[owner].name}" for owner in self.owner.tolist()]
         to_equipment = np.abs(self.solids.horizontal_distance(points))
         to_equipment[:, self.solids.bottom_m >= ROBOT_HEIGHT_M] = np.inf
-        distance_m = np.concatenate([points, np.asarray(self.size_m) - points, to_equipment], axis=-1)
+        distance_m = np.concatenate([points, self.size_m - points, to_equipment], axis=-1)
         return {names[k] for k in set(distance_m.argmin(axis=-1).tolist())}

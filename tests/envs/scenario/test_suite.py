@@ -23,7 +23,7 @@ def test_yards_of_version_1_keep_their_geometry() -> None:
     for each in suite_yards():
         yard = load_scenario(each.name).yard
         sites_m = [yard.site_position(name) for name in yard.site_names()]
-        for numbers in (*yard.solid_columns().values(), np.array(sites_m)):
+        for numbers in (*vars(yard.solids).values(), np.array(sites_m)):
             digest.update((np.round(np.asarray(numbers, dtype=np.float64), 6) + 0.0).tobytes())  # turns -0 into 0
     assert load_suite().version == 1
     assert digest.hexdigest() == "818337d1d344d41bd1b4e97cbdda1e75e5a57e6ab0fa219dc3e68f5375f7865a"

@@ -29,4 +29,4 @@ def cross(starts_m: FloatArray, ends_m: FloatArray, solids: Rows, n_pieces: int)
 
 def solids_of(yard: Yard) -> Rows:
     """Return all solids of a yard."""
-    return upright_solids(**yard.solid_columns())
+    return upright_solids(**vars(yard.solids))
