@@ -19,6 +19,16 @@ def difference(first_rad: ArrayLike, second_rad: ArrayLike) -> FloatArray:
     return wrap(np.asarray(first_rad, dtype=np.float64) - np.asarray(second_rad, dtype=np.float64))
 
 
+def azimuth_of(vector: FloatArray) -> FloatArray:
+    """Compute the azimuth of vectors (..., 2 or 3) from their first two components, in [-pi, pi], shape (...)."""
+    return np.arctan2(vector[..., 1], vector[..., 0])
+
+
+def unit_vector(azimuth_rad: FloatArray) -> FloatArray:
+    """Compute the horizontal unit vectors in the directions of azimuths (...), shape (..., 2)."""
+    return np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)], axis=-1)
+
+
 def circular_mean(angle_rad: ArrayLike) -> FloatArray:
     """Compute the circular mean over the last axis, in (-pi, pi]; undefined where the vector sum vanishes."""
     angle = np.asarray(angle_rad, dtype=np.float64)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
+from dirmusic.angles import unit_vector
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.robot_models.description.robot_description import RobotDescription
@@ -25,10 +25,9 @@ DEFLECTIONS_RADPS = np.array([0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9])
 BEAM_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
 """Directions of the beams in the robot's frame: the first ahead, the next counter-clockwise."""
 
-_BEAMS = np.stack([np.cos(BEAM_RAD), np.sin(BEAM_RAD)], axis=-1)
+_BEAMS = unit_vector(BEAM_RAD)
 
 
-@lru_cache(maxsize=8)
 def lookahead_m(robot: RobotDescription) -> FloatArray:
     """Return the distances along the arc that are checked: twice the stopping distance at full speed, at least 0.6 m.
 
@@ -57,18 +56,12 @@ def free_distance(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: f
     Returns:
         Distance along the arc, metres, at most the last value of `lookahead_m`.
     """
-    arc_m, kept_m = lookahead_m(robot), robot.footprint_radius_m + SIDE_M
-    near = lidar_m < arc_m[-1] + robot.footprint_radius_m + SIDE_M
-    if not near.any():
-        return float(arc_m[-1])
-    points = _BEAMS[near] * lidar_m[near, np.newaxis]
-    signed_m = np.copysign(arc_m, v_mps)
-    half_turn = 0.5 * signed_m * yaw_rate_radps / np.copysign(max(abs(v_mps), 1e-6), v_mps)
-    chord = signed_m * np.sinc(half_turn / np.pi)
-    places = np.stack([chord * np.cos(half_turn), chord * np.sin(half_turn)], axis=-1)
-    distance = np.linalg.norm(points - places[:, np.newaxis], axis=-1)
-    is_blocked = ((distance < kept_m) & (distance < distance[0])).any(axis=-1)
-    return float(arc_m[int(is_blocked.argmax()) - 1] if is_blocked.any() else arc_m[-1])
+    arc_m = lookahead_m(robot)
+    half_turn = 0.5 * arc_m * yaw_rate_radps / max(abs(v_mps), 1e-6)
+    chord_m = np.copysign(arc_m, v_mps) * np.sinc(half_turn / np.pi)
+    distance_m = cdist(chord_m[:, np.newaxis] * unit_vector(half_turn), lidar_m[:, np.newaxis] * _BEAMS)
+    is_blocked = (distance_m < robot.footprint_radius_m + SIDE_M) & (distance_m < distance_m[0])
+    return float(arc_m[is_blocked.any(axis=-1).argmax() - 1])  # the last if none is blocked
 
 
 def safe_speed(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: float, robot: RobotDescription) -> float:

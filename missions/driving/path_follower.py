@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import difference
+from dirmusic.angles import azimuth_of, difference
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, distances_along
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 SLACK_S = 30.0
@@ -49,7 +49,7 @@ class PathFollower:
         radius_m: float,
         reach: ShortestPaths | None = None,
     ) -> None:
-        self.goal_m = np.asarray(goal_m, dtype=np.float64)
+        self.goal_m = goal_m
         self.radius_m = radius_m
         length_m = self._plan(site_map, reach or site_map.reach(pose))
         self.deadline_s = time_s + length_m / (0.5 * site_map.robot.max_speed_mps) + SLACK_S
@@ -93,12 +93,12 @@ class PathFollower:
         robot, path_m, along_m = self.site_map.robot, self.path_m, self._along_m
         nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
         ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
-        off = float(difference(np.arctan2(ahead[1] - pose[1], ahead[0] - pose[0]), pose[2]))
+        off = float(difference(azimuth_of(ahead - pose[:2]), pose[2]))
         v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / np.radians(50.0))
         tangent = path_m[min(nearest + 1, along_m.size - 1)] - path_m[max(nearest - 1, 0)]
-        past_m = float(tangent @ (pose[:2] - path_m[nearest])) / max(float(np.linalg.norm(tangent)), 1e-9)
-        done_m = min(along_m[nearest] + past_m, along_m[-1] - float(np.linalg.norm(path_m[-1] - pose[:2])))
-        fastest = float(np.sqrt(np.interp(done_m, along_m, np.square(self._speed_mps))))
+        past_m = tangent @ (pose[:2] - path_m[nearest]) / max(np.linalg.norm(tangent), 1e-9)
+        done_m = min(along_m[nearest] + past_m, along_m[-1] - np.linalg.norm(path_m[-1] - pose[:2]))
+        fastest = np.sqrt(np.interp(done_m, along_m, np.square(self._speed_mps)))
         return robot.action_from_command((min(v, fastest), 2.5 * off))
 
 
@@ -127,16 +127,9 @@ def _turns(path_m: FloatArray, along_m: FloatArray) -> FloatArray:
 
     Turns are measured over `LOOKAHEAD_M`, so that the steps of the grid do not count as turns.
     """
-
-    def place(at_m: FloatArray) -> FloatArray:
-        return np.stack([np.interp(at_m, along_m, path_m[:, axis]) for axis in (0, 1)], axis=-1)
-
-    into, out_of = path_m - place(along_m - LOOKAHEAD_M), place(along_m + LOOKAHEAD_M) - path_m
-    turns = np.abs(difference(np.arctan2(out_of[:, 1], out_of[:, 0]), np.arctan2(into[:, 1], into[:, 0])))
+    place = path_m @ [1.0, 1j]  # points of the plane as complex numbers
+    into = place - np.interp(along_m - LOOKAHEAD_M, along_m, place)
+    out_of = np.interp(along_m + LOOKAHEAD_M, along_m, place) - place
+    turns = np.abs(np.angle(out_of * into.conj()))
     turns[[0, -1]] = 0.0
     return turns
-
-
-def distances_along(path_m: FloatArray) -> FloatArray:
-    """Return the distance of each point of a path (n, 2) from its start, along it; shape (n,), metres."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_m, axis=0), axis=-1))])

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
@@ -39,24 +39,25 @@ _MOVES = ((1, 0), (0, 1), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 long on average; with eight, they are 5.5 % too long and have turns of 45 degrees, for which a robot slows down."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ShortestPaths:
     """Shortest paths from one place to all cells of a map.
 
     Attributes:
         length_m: Cost-weighted path length to every cell, shape (n_cells,); infinite for unreachable cells.
-        previous: Cell before each cell on its path, shape (n_cells,); negative at the start and for unreachable cells.
+        before: Cell before each cell on its path, shape (n_cells,); the cell itself at the start and for unreachable
+            cells.
         site_map: Map on which the paths were found.
     """
 
     length_m: FloatArray
-    previous: NDArray[np.int32]
+    before: IntArray
     site_map: SiteMap
 
     def nearest(self, point_m: ArrayLike) -> int:
         """Return the reachable cell nearest to a point (2,)."""
-        square = np.square(self.site_map.centres_m - np.asarray(point_m, dtype=np.float64)[:2]).sum(axis=-1)
-        return int(np.where(np.isfinite(self.length_m), square, np.inf).argmin())
+        away_m = np.linalg.norm(self.site_map.centres_m - np.asarray(point_m)[:2], axis=-1)
+        return int(np.where(np.isfinite(self.length_m), away_m, np.inf).argmin())
 
     def integrate(self, values: FloatArray) -> FloatArray:
         """Integrate a quantity along the path to each cell, shape (n_cells, ...); zero for unreachable cells.
@@ -64,9 +65,8 @@ class ShortestPaths:
         Args:
             values: Quantity per metre of path in each cell, shape (n_cells, ...).
         """
-        before, centres_m = self._before, self.site_map.centres_m
-        step_m = np.linalg.norm(centres_m - centres_m[before], axis=-1)
-        total = values * step_m.reshape(-1, *np.ones(values.ndim - 1, dtype=np.intp))
+        before, centres_m = self.before, self.site_map.centres_m
+        total = (values.T * np.linalg.norm(centres_m - centres_m[before], axis=-1)).T
         while (before != before[before]).any():  # each pass doubles the number of steps that are summed
             total = total + total[before]
             before = before[before]
@@ -74,23 +74,18 @@ class ShortestPaths:
 
     def cell_after(self, length_m: float) -> IntArray:
         """Return, for the path to each cell, the first cell at or beyond a length; for shorter paths, the last cell."""
-        is_short = self.length_m[self._before] < length_m
-        cell = np.where(is_short, np.arange(is_short.size), self._before)
+        is_short = self.length_m[self.before] < length_m
+        cell = np.where(is_short, np.arange(is_short.size), self.before)
         while (cell != cell[cell]).any():
             cell = cell[cell]
         return cell
 
-    @cached_property
-    def _before(self) -> IntArray:
-        """Cell before each cell on its path; the cell itself at the start and for unreachable cells."""
-        return np.where(self.previous >= 0, self.previous, np.arange(self.previous.size))
-
     def cells(self, cell: int) -> IntArray:
         """Return the numbers of the cells from the start to `cell`, both included, shape (n,)."""
         cells = [cell]
-        while self.previous[cells[-1]] >= 0:
-            cells.append(int(self.previous[cells[-1]]))
-        return np.array(cells[::-1], dtype=np.intp)
+        while (before := int(self.before[cells[-1]])) != cells[-1]:
+            cells.append(before)
+        return np.array(cells[::-1])
 
     def path(self, cell: int) -> FloatArray:
         """Return the cell centres from the start to `cell`, shape (n, 2), metres."""
@@ -131,10 +126,8 @@ class SiteMap:
         self.position_std_m = pose_error.position_m
         self.knows_pattern_above = scenario.array.pattern_error == 0.0
         self.sight = Sight(surroundings_of(self.yard))
-        self._shape = tuple(round(size / CELL_M) for size in self.yard.size_m)
-        axes = [CELL_M * (np.arange(n) + 0.5) for n in self._shape]
-        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1, dtype=np.float64)
-        self.centres_m: FloatArray = cells.reshape(-1, 2)
+        shape = tuple(round(size / CELL_M) for size in self.yard.size_m)
+        self.centres_m = CELL_M * (np.argwhere(np.ones(shape)) + np.float64(0.5))
         self._planned_clearance_m = self.yard.clearance(self.centres_m)
         self._place_obstacles(np.empty((0, 2)))
 
@@ -147,7 +140,8 @@ class SiteMap:
     def _place_obstacles(self, points_m: FloatArray) -> None:
         """Set the obstacles and everything that depends on them."""
         self.obstacles_m = points_m
-        self.clearance_m = np.minimum(self._planned_clearance_m, self._distance_to_obstacles(self.centres_m))
+        self._obstacle_tree = KDTree(points_m)
+        self.clearance_m = np.minimum(self._planned_clearance_m, self._obstacle_tree.query(self.centres_m)[0])
         self.is_free = self.clearance_m >= self.robot.footprint_radius_m + MARGIN_M
         self._free_cells = np.flatnonzero(self.is_free)
         self._free_tree = KDTree(self.centres_m[self._free_cells])
@@ -155,12 +149,7 @@ class SiteMap:
 
     def clearance(self, points_m: FloatArray) -> FloatArray:
         """Return the distance from points (..., 2) to equipment, fence or obstacle, shape (...)."""
-        return np.minimum(self.yard.clearance(points_m), self._distance_to_obstacles(points_m))
-
-    def _distance_to_obstacles(self, points_m: FloatArray) -> FloatArray:
-        if not self.obstacles_m.size:
-            return np.full(points_m.shape[:-1], np.inf)
-        return np.asarray(KDTree(self.obstacles_m).query(points_m)[0], dtype=np.float64)
+        return np.minimum(self.yard.clearance(points_m), self._obstacle_tree.query(points_m)[0])
 
     def is_clear(self, start_m: FloatArray, end_m: FloatArray) -> bool:
         """Return True if the robot fits all along the straight line between two points (2,)."""
@@ -172,40 +161,36 @@ class SiteMap:
 
         Equipment within `within_m` of the target does not count; see `Sight`.
         """
-        places_m = np.column_stack([points_m, np.full(len(points_m), self.antenna_height_m)])
+        places_m = np.insert(points_m, 2, self.antenna_height_m, axis=-1)
         return self.sight(places_m, target_m, within_m) >= MIN_TRANSMISSION
 
     def _moves(self) -> csr_array:
         """Build the graph of moves over free cells; moves close to equipment cost more."""
-        n_x, n_y = self._shape
-        x, y = np.divmod(np.arange(n_x * n_y), n_y)
+        n_cells, n_y = self.is_free.size, round(self.yard.size_m[1] / CELL_M)
         price = 1.0 + np.clip((COMFORT_M - self.clearance_m) / COMFORT_M, 0.0, 1.0)
-        rows, columns, costs = [], [], []
+        moves = []
         for dx, dy in _MOVES:
-            start = np.flatnonzero((x + dx < n_x) & (y + dy >= 0) & (y + dy < n_y))
             by_x, by_y = (np.array([0, int(by / 2), by - int(by / 2), by]) for by in (dx, dy))
-            passed = start + (n_y * by_x + by_y)[:, np.newaxis]
-            is_clear = self.is_free[passed].all(axis=0)
-            cost = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0)[is_clear]
-            a, b = passed[0][is_clear], passed[-1][is_clear]
-            rows += [a, b]
-            columns += [b, a]
-            costs += [cost, cost]
-        entries = np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))
-        return csr_array(entries, shape=(n_x * n_y, n_x * n_y))
+            # A move that leaves the grid wraps around to an outermost cell, which is not free, for it is at the fence.
+            passed = (self._free_cells + (n_y * by_x + by_y)[:, np.newaxis]) % n_cells
+            passed = passed[:, self.is_free[passed].all(axis=0)]
+            moves.append((CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0), passed[0], passed[-1]))
+        costs, starts, ends = map(np.concatenate, zip(*moves, strict=True))
+        graph = csr_array((costs, (starts, ends)), shape=(n_cells, n_cells))
+        return graph + graph.T
 
     def cell(self, point_m: ArrayLike) -> int:
         """Return the free cell nearest to a point (2,)."""
-        return int(self.nearest_free(np.asarray(point_m)[:2]))
+        return int(self.nearest_free(point_m))
 
-    def nearest_free(self, points_m: FloatArray) -> IntArray:
-        """Return the free cell nearest to each point (..., 2), shape (...)."""
-        return self._free_cells[self._free_tree.query(points_m)[1]]
+    def nearest_free(self, points_m: ArrayLike) -> IntArray:
+        """Return the free cell nearest to each point (..., 2 or more), shape (...)."""
+        return self._free_cells[self._free_tree.query(np.asarray(points_m)[..., :2])[1]]
 
     def reach(self, point_m: ArrayLike) -> ShortestPaths:
         """Find the shortest paths from a point (2,) to all cells."""
-        length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
-        return ShortestPaths(length_m=length[0], previous=previous[0], site_map=self)
+        length_m, before = dijkstra(self._graph, indices=self.nearest_free(point_m), return_predecessors=True)
+        return ShortestPaths(length_m, np.where(before >= 0, before, np.arange(before.size)), self)
 
     def shortest_tour(self, places_m: Sequence[FloatArray], within_m: float) -> float:
         """Return the length of the shortest path from the dock to within a distance of each place, in the best order.
@@ -228,11 +213,11 @@ class SiteMap:
                 paths = reach(cell)
                 weighted_m = np.where(near, paths.length_m, np.inf)
                 cell = int(weighted_m.argmin())
-                total_m += path_length(paths.path(cell)) if np.isfinite(weighted_m[cell]) else np.inf
+                total_m += distances_along(paths.path(cell))[-1] if np.isfinite(weighted_m[cell]) else np.inf
             shortest_m = min(shortest_m, total_m)
         return float(shortest_m)
 
 
-def path_length(points_m: FloatArray) -> float:
-    """Return the length of the path through points (n, 2), metres."""
-    return float(np.linalg.norm(np.diff(points_m, axis=0), axis=-1).sum())
+def distances_along(path_m: FloatArray) -> FloatArray:
+    """Return the distance of each point of a path (n, 2 or more) from its start, along it; shape (n,), metres."""
+    return np.append(0.0, np.linalg.norm(np.diff(path_m[:, :2], axis=0), axis=-1).cumsum())

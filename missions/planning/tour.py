@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, path_length
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, distances_along
 from pdpatrol.missions.planning.cover import TINY_RAD, coverage
 from pdpatrol.missions.planning.detectability import Detectability
 
@@ -60,7 +60,7 @@ class ShortestTours:
         """Return the length of the path between two cells, the same in both directions."""
         ends = min(first, last), max(first, last)
         if ends not in self._lengths_m:
-            self._lengths_m[ends] = path_length(self.reach(ends[0]).path(ends[1]))
+            self._lengths_m[ends] = distances_along(self.reach(ends[0]).path(ends[1]))[-1]
         return self._lengths_m[ends]
 
     def lengths_m(self, cells: Sequence[int]) -> FloatArray:

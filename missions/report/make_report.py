@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
 from dirmusic.pulses.phase_resolved import PhasePattern
+from pdpatrol.missions.driving.site_map import distances_along
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses, phase_patterns
 from pdpatrol.missions.record.log_contents import known_yard, true_yard
@@ -55,7 +55,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         ending=next(iter(_events(events, "end", "subject")[-1:]), None),
         sim_time_s=float(step["time_s"][-1] - start_s) if has_steps else 0.0,
         wall_time_s=wall_time_s,
-        distance_m=float(path_length_m(step["pose"])[-1]) if has_steps else 0.0,
+        distance_m=float(distances_along(step["pose"])[-1]) if has_steps else 0.0,
         battery_left=float(battery[0]) if np.isfinite(battery).any() else None,
         collisions=len(_events(events, "contact")),
         waypoints=_waypoints(log),
@@ -69,11 +69,6 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         inspection=inspection,
         evaluation=_scores(log, findings),
     )
-
-
-def path_length_m(pose: FloatArray) -> FloatArray:
-    """Return the length of a path of poses (n, 2 or more) up to each pose, shape (n,), metres."""
-    return np.append(0.0, np.linalg.norm(np.diff(pose[:, :2], axis=0), axis=-1).cumsum())
 
 
 def count_pulses(log: MissionLog) -> PulseCounts:

@@ -18,10 +18,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.driving.site_map import SiteMap, distances_along
 from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.make_report import make_report, path_length_m
+from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit, digest_of_code
 
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
@@ -114,7 +114,7 @@ class MissionRow(NamedTuple):
         sources, matches = scores.sources, scores.matches
         time_of = {finding.id: finding.confirmed_s for finding in report.findings}
         confirmed_s = tuple(time_s for match in matches if (time_s := time_of[match.finding_id]) is not None)
-        driven_m, found_all_m = path_length_m(step["true_pose"]), None
+        driven_m, found_all_m = distances_along(step["true_pose"]), None
         if sources and len(matches) == len(sources):
             found_all_m = float(np.interp(max(confirmed_s), step["time_s"], driven_m))
         sources_m = [np.array(source.true_position_m[:2]) for source in sources]
