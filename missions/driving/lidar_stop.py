@@ -56,11 +56,13 @@ def free_distance(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: f
     Returns:
         Distance along the arc, metres, at most the last value of `lookahead_m`.
     """
-    arc_m = lookahead_m(robot)
+    arc_m, kept_m = lookahead_m(robot), robot.footprint_radius_m + SIDE_M
+    if lidar_m.min() > arc_m[-1] + kept_m:
+        return float(arc_m[-1])
     half_turn = 0.5 * arc_m * yaw_rate_radps / max(abs(v_mps), 1e-6)
     chord_m = np.copysign(arc_m, v_mps) * np.sinc(half_turn / np.pi)
     distance_m = cdist(chord_m[:, np.newaxis] * unit_vector(half_turn), lidar_m[:, np.newaxis] * _BEAMS)
-    is_blocked = (distance_m < robot.footprint_radius_m + SIDE_M) & (distance_m < distance_m[0])
+    is_blocked = (distance_m < kept_m) & (distance_m < distance_m[0])
     return float(arc_m[is_blocked.any(axis=-1).argmax() - 1])  # the last if none is blocked
 
 

@@ -174,10 +174,10 @@ class SiteMap:
             # A move that leaves the grid wraps around to an outermost cell, which is not free, for it is at the fence.
             passed = (self._free_cells + (n_y * by_x + by_y)[:, np.newaxis]) % n_cells
             passed = passed[:, self.is_free[passed].all(axis=0)]
-            moves.append((CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0), passed[0], passed[-1]))
+            cost = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0)
+            moves += [(cost, passed[0], passed[-1]), (cost, passed[-1], passed[0])]
         costs, starts, ends = map(np.concatenate, zip(*moves, strict=True))
-        graph = csr_array((costs, (starts, ends)), shape=(n_cells, n_cells))
-        return graph + graph.T
+        return csr_array((costs, (starts, ends)), shape=(n_cells, n_cells))
 
     def cell(self, point_m: ArrayLike) -> int:
         """Return the free cell nearest to a point (2,)."""
