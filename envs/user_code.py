@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import inspect
-import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -27,13 +26,12 @@ class UserCodeError(Exception):
     """
 
 
-def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: ANN401 - whatever has that name
+def load_object(name: str, expected: str) -> Any:  # noqa: ANN401 - whatever has that name
     """Import a class or function by name.
 
     Args:
-        name: `my_file.py:Name`, relative to `folder`, or `package.module:Name`, installed or on PYTHONPATH. A file can
-            import other files of its folder with `from . import other`.
-        folder: Folder to which paths are relative.
+        name: `my_file.py:Name`, or `package.module:Name`, installed or on PYTHONPATH. A file can import other files of
+            its folder with `from . import other`.
         expected: Description of the expected object, for error messages.
 
     Raises:
@@ -43,7 +41,7 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
     if not (place and attribute.isidentifier()):
         raise UserCodeError(f"{name}: must be my_file.py:Name or package.module:Name; expected {expected}")
     is_file = place.endswith(".py")
-    file = (Path(folder) / place).resolve()
+    file = Path(place).resolve()
     if not is_file:
         with calling(place, expected):
             file = Path(getattr(importlib.util.find_spec(place), "origin", None) or place)
@@ -60,18 +58,16 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
 
 
 def _import_file(file: Path) -> ModuleType:
-    """Import a file as a module of a package that represents its folder.
+    """Import a file as a module of a package that represents the current state of its folder.
 
-    Files of the same name in different folders therefore become different modules. All modules of the package are
-    imported again when a Python file in the folder has changed.
+    Files of the same name in different folders therefore become different modules, and all modules of a folder are
+    imported again when one of them has changed.
     """
-    package = f"user_code_{hashlib.sha256(os.fsencode(file.parent)).hexdigest()[:16]}"
-    stamp = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in file.parent.glob("*.py")}
-    if getattr(sys.modules.get(package), "stamp", None) != stamp:
-        for name in [name for name in sys.modules if name.partition(".")[0] == package]:
-            del sys.modules[name]
+    stamps = [(path.name, path.stat().st_mtime_ns) for path in sorted(file.parent.glob("*.py"))]
+    package = f"user_code_{hashlib.sha256(repr((file.parent, stamps)).encode()).hexdigest()[:16]}"
+    if package not in sys.modules:
         sys.modules[package] = ModuleType(package)
-        vars(sys.modules[package]).update(__path__=[str(file.parent)], stamp=stamp)
+        sys.modules[package].__path__ = [str(file.parent)]
         importlib.invalidate_caches()
     before, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # bytecode files resolve changes to a second only
     try:
@@ -145,7 +141,7 @@ class UserEstimator:
 
     def __init__(self, name: str, array: ArrayModel) -> None:
         self._arguments = name, array
-        definition: Any = load_object(name, ".", EXPECTED_ESTIMATOR)
+        definition: Any = load_object(name, EXPECTED_ESTIMATOR)
         with calling(definition, EXPECTED_ESTIMATOR):
             self._estimator: BearingEstimator = definition()
         method_std(self, array)

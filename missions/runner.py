@@ -238,7 +238,7 @@ def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules
     name, pose_error, fence_m = scenario.locating.locator, scenario.pose_sensor.pose_error, scenario.yard.size_m
     if name is None:
         return Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
-    make: MakesLocator = load_object(name, ".", LOCATOR)
+    make: MakesLocator = load_object(name, LOCATOR)
     with calling(make, LOCATOR):
         locator = make(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
     missing = [method for method in ("update", "refit", "association") if not hasattr(locator, method)]

@@ -136,7 +136,7 @@ def load_maker(name: str) -> Callable[[np.random.Generator], Any]:
     Raises:
         UserCodeError: If it does not exist, or loading it raises an exception.
     """
-    return BUILT_IN[name] if name in BUILT_IN else load_object(name, ".", MAKER)
+    return BUILT_IN[name] if name in BUILT_IN else load_object(name, MAKER)
 
 
 def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:

@@ -15,10 +15,15 @@ def write(folder: Path, name: str, *lines: str) -> Path:
     return path
 
 
+@pytest.fixture(autouse=True)
+def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
 def load_error(name: str, folder: Path) -> str:
     """Return the error line of loading `name`, without the folder."""
     with pytest.raises(UserCodeError) as refused:
-        load_object(name, folder, "a thing")
+        load_object(name, "a thing")
     return one_line(refused.value, folder)
 
 
@@ -29,7 +34,7 @@ def one_line(error: UserCodeError, folder: Path) -> str:
 
 
 def call_error(name: str, folder: Path, *arguments: object) -> str:
-    called = load_object(name, folder, "a thing")
+    called = load_object(name, "a thing")
     with pytest.raises(UserCodeError) as refused, calling(called, "a number"):
         called(*arguments)
     return one_line(refused.value, folder)
@@ -40,7 +45,7 @@ def test_object_is_loaded_from_file_and_module(tmp_path: Path, monkeypatch: pyte
     write(tmp_path / "my_package", "gains.py", "def double(x):", "    return 2 * x")
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("my_package/gains.py:double", "my_package.gains:double", f"{tmp_path}/my_package/gains.py:double"):
-        assert load_object(name, tmp_path, "a function")(4) == 8
+        assert load_object(name, "a function")(4) == 8
 
 
 @pytest.mark.parametrize(
@@ -108,7 +113,7 @@ def test_wrong_arguments_name_the_definition(tmp_path: Path) -> None:
 def test_system_exit_is_an_error_and_ctrl_c_is_not(tmp_path: Path) -> None:
     write(tmp_path, "my.py", "def f(error):", "    raise error")
     assert call_error("my.py:f", tmp_path, SystemExit(0)) == "my.py:2: SystemExit: 0; expected a number"
-    called = load_object("my.py:f", tmp_path, "a thing")
+    called = load_object("my.py:f", "a thing")
     with pytest.raises(KeyboardInterrupt), calling(called, "a number"):
         called(KeyboardInterrupt())
 
@@ -125,9 +130,9 @@ def test_place_is_that_of_the_definition(tmp_path: Path) -> None:
         "def f():",
         "    pass",
     )
-    thing, function = (load_object(f"my.py:{name}", tmp_path, "") for name in ("Thing", "f"))
-    assert place_of(thing) == place_of(thing()) == f"{tmp_path}/my.py:2"
-    assert place_of(function) == f"{tmp_path}/my.py:5"
+    thing, function = (load_object(f"my.py:{name}", "") for name in ("Thing", "f"))
+    assert place_of(thing) == place_of(thing()) == "my.py:2"
+    assert place_of(function) == "my.py:5"
     assert place_of(3) == "int"
 
 
@@ -135,7 +140,7 @@ def test_equal_file_names_in_two_folders_differ(tmp_path: Path) -> None:
     for folder, value in (("a", 1), ("b", 2)):
         write(tmp_path / folder, "helper.py", f"VALUE = {value}")
         write(tmp_path / folder, "my.py", "def now():", "    from .helper import VALUE", "    return VALUE")
-    first, second = (load_object(f"{folder}/my.py:now", tmp_path, "") for folder in "ab")
+    first, second = (load_object(f"{folder}/my.py:now", "") for folder in "ab")
     assert (first(), second(), first()) == (1, 2, 1)
 
 
@@ -150,14 +155,14 @@ def test_absolute_import_of_a_sibling_gets_a_hint(tmp_path: Path) -> None:
 def test_changed_file_is_loaded_anew(tmp_path: Path) -> None:
     write(tmp_path, "helper.py", "VALUE = 1")
     write(tmp_path, "my.py", "from .helper import VALUE", "class Thing:", "    gain = 2, VALUE")
-    first = load_object("my.py:Thing", tmp_path, "")
-    assert load_object(f"../{tmp_path.name}/my.py:Thing", tmp_path, "") is first
+    first = load_object("my.py:Thing", "")
+    assert load_object(f"../{tmp_path.name}/my.py:Thing", "") is first
     write(tmp_path, "helper.py", "VALUE = 5")  # same size and modification second as before
-    assert (first.gain, load_object("my.py:Thing", tmp_path, "").gain) == ((2, 1), (2, 5))
+    assert (first.gain, load_object("my.py:Thing", "").gain) == ((2, 1), (2, 5))
 
 
 def test_dataclass_of_a_file_can_be_pickled(tmp_path: Path) -> None:
     write(tmp_path, "my.py", "from __future__ import annotations", "from dataclasses import dataclass, field",
           "@dataclass", "class Thing:", "    gain: list[float] = field(default_factory=list)")  # fmt: skip
-    thing = load_object("my.py:Thing", tmp_path, "")([1.0])
+    thing = load_object("my.py:Thing", "")([1.0])
     assert pickle.loads(pickle.dumps(thing)) == thing
