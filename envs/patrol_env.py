@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import inspect
-import math
 import operator
 import pkgutil
 import re
@@ -229,10 +228,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             options: Values to set instead of drawing them; see the class.
         """
         self._check_call("reset")
-        seed, values = None if seed is None else operator.index(seed), ResetOptions()
-        if self._draw_scenario is None:
-            values = ResetOptions.parse(options, self.scenario)
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else operator.index(seed))
         if self._draw_scenario is not None:
             self._close_camera()
             self._enter(self._draw_scenario(self.np_random))
@@ -241,8 +237,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
                     "`scenario`: the function must draw scenarios with one size of yard, limits of the robot, number "
                     f"of elements and time limit, as the first one with {self.observation_space}"
                 )
-            values = ResetOptions.parse(options, self.scenario)
-        self.simulation.start(ROW, [self.np_random], values)
+        self.simulation.start(ROW, [self.np_random], ResetOptions.parse(options, self.scenario))
         if self.render_mode == "human":
             self.render()
         info = self._info()
@@ -327,8 +322,6 @@ def check_actions(actions: Any, shape: tuple[int, ...]) -> NDArray[Any]:  # noqa
         ValueError: If the actions have the wrong shape or are not finite real numbers.
     """
     given = np.asarray(actions)
-    if given.shape != shape:
-        raise ValueError(f"the action must have shape {shape}, got {given.shape}")
-    if given.dtype.kind not in "iuf" or not all(map(math.isfinite, given.ravel().tolist())):
-        raise ValueError(f"the action must hold finite real numbers, got {given.tolist()!r:.80}")
+    if given.shape != shape or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+        raise ValueError(f"the action must be finite real numbers of shape {shape}, got {actions!r:.80}")
     return given

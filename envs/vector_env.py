@@ -20,7 +20,7 @@ from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.patrol_env import SimulatedEnv, check_actions, resolve_scenario
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S
-from pdpatrol.envs.simulation import Rows, Simulation
+from pdpatrol.envs.simulation import Simulation
 
 
 class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -86,13 +86,11 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"`render_mode` must be None, got {render_mode!r}; make a single environment for pictures")
-        for key, count, least in (
-            ("num_envs", num_envs, 1),
-            ("num_threads", num_threads, 0),
-            ("max_episode_steps", max_episode_steps, 1),
-        ):
-            if count is not None and operator.index(count) < least:
-                raise ValueError(f"`{key}` must be at least {least}, got {count}")
+        if num_envs < 1 or num_threads < 0 or (max_episode_steps is not None and max_episode_steps < 1):
+            raise ValueError(
+                "`num_envs` and `max_episode_steps` must be at least 1 and `num_threads` at least 0, got "
+                f"{num_envs}, {max_episode_steps} and {num_threads}"
+            )
         shared = resolve_scenario(scenario)
         if callable(shared):
             raise ValueError(
@@ -114,7 +112,6 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs = [seeding.np_random() for _ in range(num_envs)]
-        self._is_over = np.zeros(num_envs, dtype=np.bool_)
         self._all_rows = np.ones(num_envs, dtype=np.bool_)
 
     def reset(
@@ -138,17 +135,22 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             )
         if not (mask.all() or self.simulation.has_begun):
             raise error.ResetNeeded("Cannot reset some rows before calling env.reset() for all of them")
-        self._start(np.flatnonzero(mask), ResetOptions.parse(others, self.scenario), self._seeds(seed))
+        values, rngs = ResetOptions.parse(others, self.scenario), self._seeded(seed)
+        self._rngs = [rngs[row] if mask[row] else self._rngs[row] for row in range(self.num_envs)]
+        self._start(mask, values)
         return self._observation(), self._info(mask)
 
-    def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - users may pass anything
-        """Return the seed of each row, or None for rows that keep their generator."""
+    def _seeded(self, seed: Any) -> list[tuple[np.random.Generator, int]]:  # noqa: ANN401 - users may pass anything
+        """Return the generators of the rows with their seeds, new ones for rows that are seeded."""
         if seed is None:
-            return [None] * self.num_envs
+            return self._rngs
         seeds = seed if np.ndim(seed) else range(seed, seed + self.num_envs)
         if len(seeds) != self.num_envs:
             raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
-        return [None if each is None else operator.index(each) for each in seeds]
+        return [
+            old if each is None else seeding.np_random(operator.index(each))
+            for old, each in zip(self._rngs, seeds, strict=True)
+        ]
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -160,42 +162,36 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         """Seeds of the rows."""
         return tuple(seed for _, seed in self._rngs)
 
-    def _start(self, rows: Rows, options: ResetOptions, seeds: Sequence[int | None]) -> None:
-        """Start new episodes in some rows."""
-        rngs = [self._rngs[row] if seeds[row] is None else seeding.np_random(seeds[row]) for row in rows.tolist()]
-        self.simulation.start(rows, [rng for rng, _ in rngs], options)
-        for row, rng in zip(rows.tolist(), rngs, strict=True):
-            self._rngs[row] = rng
-        self._is_over[rows] = False
-
-    def _restart(self, is_over: BoolArray) -> None:
-        """Start the next episodes of some rows with their current generators."""
-        if is_over.any():
-            self._start(np.flatnonzero(is_over), ResetOptions(), [None] * self.num_envs)
+    def _start(self, mask: BoolArray, options: ResetOptions) -> None:
+        """Start new episodes in the rows of a mask, if any."""
+        rows = np.flatnonzero(mask)
+        if rows.size:
+            self.simulation.start(rows, [self._rngs[row][0] for row in rows], options)
 
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all robots for 0.1 s and record the pulses that they detect."""
         self._check_call("step")
-        simulation, states, was_over = self.simulation, self.simulation.states, self._is_over
+        simulation, states = self.simulation, self.simulation.states
+        was_over = states.terminated | states.truncated
         commands = simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
         if was_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
             over = np.flatnonzero(was_over).tolist()
             raise error.ResetNeeded(f"rows {over} are over; reset them with options={{'reset_mask': mask}} first")
         if not was_over.all():
             simulation.step(commands, np.flatnonzero(~was_over) if was_over.any() else None)
-        self._restart(was_over)
+        self._start(was_over, ResetOptions())
         reward, terminated, truncated = states.reward.copy(), states.terminated.copy(), states.truncated.copy()
-        self._is_over = is_over = terminated | truncated
+        is_over = terminated | truncated
         final = dict[str, Any]()
         if self.autoreset_mode is AutoresetMode.SAME_STEP and is_over.any():
             vectors, final_obs = simulation.observe(), np.full(self.num_envs, None, dtype=object)
             for row in np.flatnonzero(is_over).tolist():
                 final_obs[row] = simulation.layout.split(vectors[row].copy())
-            final = {"final_obs": final_obs, "_final_obs": is_over.copy()}
+            final = {"final_obs": final_obs, "_final_obs": is_over}
             final |= {"final_info": self._info(is_over), "_final_info": is_over.copy()}
-            self._restart(is_over.copy())
+            self._start(is_over, ResetOptions())
         return self._observation(), reward, terminated, truncated, self._info(self._all_rows) | final
 
     def _observation(self) -> Observation:

@@ -105,7 +105,7 @@ def test_truth_has_the_path_of_a_moving_interferer() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"num_envs": 0}, "`num_envs` must be at least 1"),
+        ({"num_envs": 0}, "`num_envs` and `max_episode_steps` must be at least 1"),
         ({"num_envs": 2, "render_mode": "rgb_array"}, "make a single environment"),
     ],
 )
