@@ -27,12 +27,14 @@ class Suite(NamedTuple):
         checksum: SHA-256 of the names and contents of all files, in hexadecimal digits.
         levels: Description of each level by name, in order.
         seeds: Seeds of the missions in each yard, by part.
+        yards: All yards, level by level, with the public part of each level first.
     """
 
     version: int
     checksum: str
     levels: Mapping[str, str]
     seeds: Mapping[str, range]
+    yards: tuple[SuiteYard, ...]
 
     @property
     def label(self) -> str:
@@ -64,22 +66,16 @@ def load_suite() -> Suite:
     """Load the index of the suite."""
     index: dict[str, Any] = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))
     seeds = {part: range(first, last + 1) for part, (first, last) in index["seeds"].items()}
-    digest = hashlib.sha256()
-    for yard in suite_yards():
-        digest.update(f"{yard.part}/{yard.path.name}\n".encode() + yard.path.read_bytes())
-    return Suite(index["version"], digest.hexdigest(), index["levels"], seeds)
-
-
-@cache
-def suite_yards() -> tuple[SuiteYard, ...]:
-    """List all yards, level by level in the order of the index, with the public part of each level first."""
-    levels = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))["levels"]
-    return tuple(
+    yards = tuple(
         SuiteYard(level, part, path)
-        for level in levels
-        for part in ("public", "test")
+        for level in index["levels"]
+        for part in seeds
         for path in sorted((SUITE / part / level).glob("*.toml"))
     )
+    digest = hashlib.sha256()
+    for yard in yards:
+        digest.update(f"{yard.part}/{yard.path.name}\n".encode() + yard.path.read_bytes())
+    return Suite(index["version"], digest.hexdigest(), index["levels"], seeds, yards)
 
 
 def choose_yards(name: str) -> tuple[SuiteYard, ...]:
@@ -92,16 +88,17 @@ def choose_yards(name: str) -> tuple[SuiteYard, ...]:
     Raises:
         ScenarioError: If the name matches no yard.
     """
-    single = tuple(yard for yard in suite_yards() if yard.name == name)
-    _, *rest = name.split("/")
+    suite, (_, *rest) = load_suite(), name.split("/")
     part, levels = ("test", rest[1:]) if rest[:1] == ["test"] else ("public", rest)
-    several = tuple(yard for yard in suite_yards() if yard.part == part and levels in ([], [yard.level]))
-    if not (single or several):
-        known = ", ".join(f"suite/{level}" for level in load_suite().levels)
+    chosen = tuple(
+        yard for yard in suite.yards if yard.name == name or (yard.part == part and levels in ([], [yard.level]))
+    )
+    if not chosen:
+        known = ", ".join(f"suite/{level}" for level in suite.levels)
         raise ScenarioError(
             [f"{name}: no such part of the suite; available: suite, suite/test, {known}, suite/open_01 and so on"]
         )
-    return single or several
+    return chosen
 
 
 def is_of_suite(name: str) -> bool:

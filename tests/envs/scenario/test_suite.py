@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pdpatrol.envs.scenario import ScenarioError, load_scenario
-from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite, suite_yards
+from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
 
 FloatArray = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ NOT_FROZEN = {"estimator", "locating"}
 def test_yards_of_version_1_keep_their_geometry() -> None:
     """Shape and sites of catalogue equipment, which the files do not contain, must not change."""
     digest = hashlib.sha256()
-    for each in suite_yards():
+    for each in load_suite().yards:
         yard = load_scenario(each.name).yard
         sites_m = [yard.site_position(name) for name in yard.site_names()]
         for numbers in (*vars(yard.solids).values(), np.array(sites_m)):
@@ -30,7 +30,7 @@ def test_yards_of_version_1_keep_their_geometry() -> None:
 
 
 def test_file_sets_every_key() -> None:
-    for each in suite_yards():
+    for each in load_suite().yards:
         written = tomllib.loads(each.path.read_text(encoding="utf-8"))
         meant = load_scenario(each.name).model_dump(mode="json", exclude={"name"} | NOT_FROZEN, exclude_none=True)
         assert written == meant, each.path.name
@@ -39,22 +39,22 @@ def test_file_sets_every_key() -> None:
 def test_each_part_has_a_thousand_missions() -> None:
     suite = load_suite()
     n_missions = Counter[str]()
-    for each in suite_yards():
+    for each in load_suite().yards:
         n_missions[each.part] += len(suite.seeds[each.part])
     assert n_missions == {"public": 1000, "test": 1000}
     assert len(choose_yards("suite")) == 100
     assert not set(suite.seeds["public"]) & set(suite.seeds["test"])
-    assert {each.level for each in suite_yards()} == set(suite.levels)
-    assert len(list(SUITE.rglob("*.toml"))) == 1 + len(suite_yards())
+    assert {each.level for each in load_suite().yards} == set(suite.levels)
+    assert len(list(SUITE.rglob("*.toml"))) == 1 + len(load_suite().yards)
 
 
 def test_a_fifth_of_the_sources_are_off_the_catalogue_sites() -> None:
-    sources = [source for each in suite_yards() for source in load_scenario(each.name).sources]
+    sources = [source for each in load_suite().yards for source in load_scenario(each.name).sources]
     assert 0.18 <= np.mean([not source.sites for source in sources]) <= 0.25
 
 
 def test_levels_differ_as_described() -> None:
-    scenarios = {each.name: (each.level, load_scenario(each.name)) for each in suite_yards()}
+    scenarios = {each.name: (each.level, load_scenario(each.name)) for each in load_suite().yards}
     for name, (level, scenario) in scenarios.items():
         n_sources = len(scenario.sources)
         assert (2 <= n_sources <= 5) if level == "several" else n_sources == (level != "quiet"), name
