@@ -6,32 +6,17 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from dirmusic import ArrayModel, ElementSpread, InputFileError
 from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors
 from dirmusic.locating.locator import Learned
-from pdpatrol.envs.scenario.base import Config, as_tuples, error_lines, read_toml, resolve_path
+from pdpatrol.envs.scenario.base import Config, as_tuples, error_lines, read_toml
 from pdpatrol.sensing import ArrayConfig, HelicalArray
-from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
 from pdpatrol.sensing.quantities import PLAIN_ZERO
-
-
-def _resolve_patterns(table: object, info: ValidationInfo) -> object:
-    if not isinstance(table, dict):
-        return table
-    resolved = dict(cast("dict[str, Any]", table))
-    for key in ("pattern", "true_pattern"):
-        if isinstance(resolved.get(key), str) and resolved[key] not in SHIPPED_PATTERNS:
-            resolved[key] = resolve_path(resolved[key], info)
-    return resolved
-
-
-ArraySection = Annotated[ArrayConfig, BeforeValidator(_resolve_patterns)]
-"""Table `[array]`, in which paths are relative to the scenario file."""
 
 
 def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> ArrayModel:

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
 
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
@@ -25,36 +25,16 @@ SiteChoice = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*
 STEP_S = 0.1
 """Control step, s."""
 
-DAY_PATTERN = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
-
 MAX_FILE_BYTES = 4_000_000
 """Maximum size of a scenario file. Assumed; the largest valid yard takes less."""
 
 MAX_ERRORS_SHOWN = 50
 
-FOLDER = "folder"
-"""Key of the validation context under which the folder of the scenario file is passed to validators."""
-
-
-def is_day(text: str) -> bool:
-    """Return whether a text is a calendar date of this century in the form 2026-03-02."""
-    try:
-        return re.fullmatch(DAY_PATTERN, text) is not None and bool(date.fromisoformat(text))
-    except ValueError:
-        return False
-
-
-def _check_day(text: str) -> str:
-    if not is_day(text):
-        raise ValueError(f"must be a day of the calendar, got {text}")
-    return text
-
-
 Day = Annotated[
     str,
-    Field(pattern=DAY_PATTERN, max_length=10),
+    Field(pattern=r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$", max_length=10),
     BeforeValidator(lambda value: value.isoformat()[:10] if isinstance(value, date) else value),
-    AfterValidator(_check_day),
+    AfterValidator(lambda text: str(date.fromisoformat(text))),
 ]
 """Date such as 2026-03-02. TOML dates are accepted and stored as text, as in logs and reports."""
 
@@ -70,24 +50,6 @@ class ScenarioError(InputFileError):
 
 class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Base class of all scenario tables: frozen and strict; rejects unknown keys, infinity and NaN."""
-
-
-def resolve_path(path: str, info: ValidationInfo) -> str:
-    """Resolve a relative path in a scenario against the folder of the scenario file.
-
-    Args:
-        path: Path as written in the file.
-        info: Validation info with the folder in its context. If the context has no folder, the path is not changed.
-    """
-    return str(Path((info.context or {}).get(FOLDER, "")) / path)
-
-
-def resolve_user_code(name: str, info: ValidationInfo) -> str:
-    """Resolve the path in `my_file.py:Name`; return the name of installed code unchanged."""
-    file, colon, attribute = name.rpartition(":")
-    if not colon:
-        raise ValueError(f"no `{name}`; name your own as my_file.py:Name or package.module:Name")
-    return f"{resolve_path(file, info)}:{attribute}" if file.endswith(".py") else name
 
 
 def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON values have many types

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,23 @@ from typing import Any
 from pydantic import ValidationError
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.base import FOLDER, ScenarioError, as_tuples, error_lines, on_one_line, read_toml
+from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, on_one_line, read_toml
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
 """Folder of the scenarios that come with the package."""
+
+FILE_KEYS = {
+    "array": ("pattern", "true_pattern"),
+    "estimator": ("method",),
+    "locating": ("locator", "calibration"),
+    "robot": ("model",),
+}
+"""Keys that can name a file of the user, by table."""
+
+IS_FILE = re.compile(r"/|\.py:|\.(csv|msi|pln|toml|xml)$", re.IGNORECASE)
+"""Pattern found in paths of files, and not in names of what is shipped or installed."""
 
 
 def shipped_scenarios() -> tuple[str, ...]:
@@ -41,10 +53,17 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
         data = as_tuples(read_toml(path, "a scenario, which is a TOML text file"))
     except InputFileError as error:
         raise ScenarioError([on_one_line(fault) for fault in error.faults]) from None
-    for key, value in (settings or {}).items():
-        data = _with_setting(data, key.split("."), as_tuples(value))
+    for setting, value in (settings or {}).items():
+        *tables, key = setting.split(".")
+        inner = data
+        for table in tables:
+            if not isinstance(inner.get(table), dict):
+                inner[table] = {}
+            inner = inner[table]
+        inner[key] = as_tuples(value)
+    _make_paths_absolute(data, path.absolute().parent)
     try:
-        return Scenario.model_validate({"name": path.stem, **data}, context={FOLDER: path.absolute().parent})
+        return Scenario.model_validate({"name": path.stem, **data})
     except ValidationError as error:
         raise ScenarioError([on_one_line(f"{path}: {line}") for line in error_lines(error, Scenario)]) from None
 
@@ -66,13 +85,14 @@ def _path_of(scenario: str | Path) -> Path:
     return SHIPPED / f"{scenario}.toml"
 
 
-def _with_setting(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:  # noqa: ANN401 - as TOML
-    """Return a copy of a table with one value set; create inner tables that are missing."""
-    first, *deeper = keys
-    if not deeper:
-        return {**table, first: value}
-    inner = table.get(first, {})
-    return {**table, first: _with_setting(inner if isinstance(inner, Mapping) else {}, deeper, value)}
+def _make_paths_absolute(data: dict[str, Any], folder: Path) -> None:
+    """Make paths in the data of a scenario file, which are relative to its folder, absolute."""
+    for name, keys in FILE_KEYS.items():
+        table = data.get(name)
+        for key in keys:
+            value = table.get(key) if isinstance(table, dict) else None
+            if isinstance(value, str) and IS_FILE.search(value):
+                table[key] = str(folder / value)
 
 
 def restore_scenario(data: Mapping[str, Any]) -> Scenario:

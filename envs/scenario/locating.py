@@ -7,20 +7,12 @@ from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    ValidationInfo,
-    WithJsonSchema,
-    create_model,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, create_model, model_validator
 
 from dirmusic import ESTIMATORS
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
-from pdpatrol.envs.scenario.base import Config, resolve_path, resolve_user_code
+from pdpatrol.envs.scenario.base import Config
 from pdpatrol.sensing.quantities import PATH_PATTERN, FilePath
 
 BOUNDS = {
@@ -54,22 +46,20 @@ def _optional_rules() -> dict[str, Any]:
 OptionalRules = create_model("OptionalRules", __base__=Config, **_optional_rules())
 
 
-def _resolve_estimator(method: str, info: ValidationInfo) -> str:
-    if method in ESTIMATORS:
-        return method
-    if ":" not in method:
+def _check_estimator(method: str) -> str:
+    if method not in ESTIMATORS and ":" not in method:
         raise ValueError(f"no estimator `{method}`; available: {', '.join(ESTIMATORS)}")
-    return resolve_user_code(method, info)
+    return method
 
 
 class EstimatorConfig(Config, frozen=True):
     """Bearing estimator: a built-in one by name, or `my_file.py:MyEstimator` or `package.module:MyEstimator`."""
 
-    method: Annotated[FilePath, AfterValidator(_resolve_estimator)] = "maximum_likelihood"
+    method: Annotated[FilePath, AfterValidator(_check_estimator)] = "maximum_likelihood"
 
 
-def _read_calibration(given: object, info: ValidationInfo) -> object:
-    return read_calibration(Path(resolve_path(given, info))) if isinstance(given, str) else given
+def _read_calibration(given: object) -> object:
+    return read_calibration(Path(given)) if isinstance(given, str) else given
 
 
 class LocatingConfig(OptionalRules, frozen=True):
@@ -82,7 +72,7 @@ class LocatingConfig(OptionalRules, frozen=True):
     solver: Literal["joint", "bearings"] = "joint"
     """`joint` fits positions to the strengths, jointly with the errors of the array; `bearings` fits them to bearings
     alone."""
-    locator: Annotated[FilePath, AfterValidator(resolve_user_code)] | None = None
+    locator: FilePath | None = None
     """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""
     calibration: Annotated[

@@ -8,12 +8,12 @@ from math import exp, radians
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic import PoseError
 from dirmusic.arrays import FloatArray
-from pdpatrol.envs.scenario.base import Config, resolve_path
-from pdpatrol.robot_models.description.robot_description import RobotDescription, is_path
+from pdpatrol.envs.scenario.base import Config
+from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath, Share
 
@@ -23,8 +23,7 @@ GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
 """Degrees per minute for a bias; degrees per square root of a minute for an angle random walk."""
 
 
-def _resolve_model(model: str, info: ValidationInfo) -> str:
-    model = resolve_path(model, info) if is_path(model) else model
+def _check_model(model: str) -> str:
     load_robot(model)  # lists the errors of the file
     return model
 
@@ -32,7 +31,7 @@ def _resolve_model(model: str, info: ValidationInfo) -> str:
 class RobotConfig(Config, frozen=True):
     """Robot model and speed limit."""
 
-    model: Annotated[FilePath, AfterValidator(_resolve_model)] = "inspector"
+    model: Annotated[FilePath, AfterValidator(_check_model)] = "inspector"
     """Name of a shipped robot, or path of an MJCF file; a relative path starts at the folder of the scenario file."""
     max_speed_mps: Annotated[float, Field(ge=0.01, le=10.0)] | None = None
     """Maximum commanded speed; by default the limit of the robot model."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from dirmusic import ArrayModel
-from pdpatrol.envs.scenario.array import ArraySection, data_sheet
+from pdpatrol.envs.scenario.array import data_sheet
 from pdpatrol.envs.scenario.base import Config, MissionName, known_names
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
@@ -20,7 +20,7 @@ from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryCon
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import ReceiverConfig
+from pdpatrol.sensing import ArrayConfig, ReceiverConfig
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
@@ -104,7 +104,7 @@ class Scenario(Config, frozen=True):
     yard: Yard
     map: MapConfig = MapConfig()
     route: RouteConfig
-    array: ArraySection
+    array: ArrayConfig
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
     sources: tuple[SourceConfig, ...] = Field(default=(), max_length=64)

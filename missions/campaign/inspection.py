@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,6 @@ from scipy.stats import chi2
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import FloatArray
-from pdpatrol.envs.scenario.base import is_day
 from pdpatrol.missions.record.log_contents import described_manifold, known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import findings_at
@@ -93,7 +93,7 @@ class InspectionLog:
             ValueError: If the log is incomplete, has no date, or has damaged metadata.
         """
         day = log.meta.get("date")
-        if not isinstance(day, str) or not is_day(day):
+        if day is None:
             raise ValueError(f"{folder}: must have a date; `pdpatrol run` and `locate` take --date")
         if log.n_rows("step") == 0 or log.n_rows("bearing") != log.n_rows("association"):
             raise ValueError(f"{folder}: the mission is incomplete; give complete ones")
@@ -107,7 +107,7 @@ class InspectionLog:
         try:
             return cls(
                 folder=folder,
-                day=day,
+                day=str(date.fromisoformat(day)),
                 name=str(log.meta["name"]),
                 bounds_m=np.array(log.meta["bounds_m"]),
                 yard=known_yard(log),

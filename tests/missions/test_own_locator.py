@@ -113,3 +113,6 @@ def test_invalid_locator_is_refused_before_the_start(tmp_path: Path) -> None:
     ):
         with pytest.raises(UserCodeError, match=message):
             Mission(load_scenario(scenario_with(tmp_path, code)), "patrol", 0)
+    unnamed = load_scenario(scenario_with(tmp_path, GOOD, 'locator = "Mine"'))
+    with pytest.raises(UserCodeError, match=r"Mine: must be my_file\.py:Name or package\.module:Name"):
+        Mission(unnamed, "patrol", 0)
