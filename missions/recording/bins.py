@@ -9,7 +9,7 @@ from typing import Any
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.arrays import IntArray
 from pdpatrol.missions.record.mission_log import MissionLog
 
 
@@ -32,15 +32,10 @@ class LogBin:
         """Row after the last step."""
         return self.first["step"] + self.tables["step"]["time_s"].size
 
-    def pose(self, steps: Any) -> FloatArray:  # noqa: ANN401 - a step, or an array of steps
-        """Return the estimated poses at steps of the bin, shape (..., 3)."""
-        return self.tables["step"]["pose"][steps - self.first["step"]]
-
 
 def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
     """Set the time for the following calls of `stream.log` to a step of a mission; zero before the first step."""
-    time_s = log.column("step", "time_s", step, step + 1)
-    stream.set_time("sim_time", duration=float(time_s[0]) if time_s.size else 0.0)
+    stream.set_time("sim_time", duration=log.column("step", "time_s", step, step + 1).sum())  # of one value or none
     stream.set_time("step", sequence=step)
 
 
@@ -50,11 +45,9 @@ def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
     return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("step", sequence=steps)]
 
 
-def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01) -> rr.Points3D:
-    """Return white labels at places x, y, z."""
-    return rr.Points3D(
-        list(places.values()), labels=list(places), colors=[0xFFFFFFFF], radii=[radius_m], show_labels=True
-    )
+def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01, colour: int = 0xFFFFFFFF) -> rr.Points3D:
+    """Return labelled points at places x, y, z."""
+    return rr.Points3D(list(places.values()), labels=list(places), colors=[colour], radii=[radius_m], show_labels=True)
 
 
 def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences

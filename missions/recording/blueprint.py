@@ -30,7 +30,7 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
     """
     start = rrb.TimeRangeBoundary.absolute(seconds=0.0)
     whole = rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=rrb.TimeRangeBoundary.infinite()))
-    low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
+    low, high = np.array(meta["bounds_m"])
     centre, above_m = np.array([*(0.5 * (low + high)), 0.0]), 0.88 * float(np.max((high - low) * [1.0, 1.25]))
     behind = rrb.EyeControls3D(
         position=[-3.6, -2.6, 4.6], look_target=[0, 0, 0.5], eye_up=[0, 0, 1], tracking_entity="world/robot"
@@ -68,7 +68,6 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
                 rrb.Tabs(
                     _plot("uncertainty", "95 % ellipses, longer half-axis (m)", whole, (0.0, 3.0)),
                     _plot("strengths", "Strengths of the elements (dBV)", whole),
-                    active_tab=0,
                 ),
                 pattern,
                 column_shares=[5, 5, 4],
@@ -96,7 +95,6 @@ def _world_view(name: str, eye: rrb.EyeControls3D, *hidden: str) -> rrb.Spatial3
         eye_controls=eye,
         background=BACKGROUND,
         line_grid=False,
-        spatial_information=None,
         overrides=overrides,
     )
 

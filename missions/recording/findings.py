@@ -112,5 +112,4 @@ def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog, report: Rep
         row, column = divmod(order, 2)  # names are in two columns above the frame
         place = [90.0 + 180.0 * column, -reach - 18.0 * (row + 1.5)]
         text = f"{name_of(record.state, record.id)}: {kind_text(record)}"
-        set_step(stream, log, log.n_rows("step") - 1)
         stream.log(f"{path}/kind", rr.Points2D([place], labels=[text], colors=[colour], radii=[4.0], show_labels=True))

@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.recording.bins import LogBin, at_steps, lines_3d, set_step
+from pdpatrol.missions.recording.bins import LogBin, at_steps, lines_3d
 
 AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
 """Azimuths at which pseudo-spectra are computed."""
@@ -15,13 +15,6 @@ ARRAY_HEIGHT_M = 0.6
 """Height above ground at which rays and rings are drawn; roughly that of the array."""
 
 BEARING = 0xFFE86EFF
-
-
-def draw_plots(stream: rr.RecordingStream) -> None:
-    """Set names and colours of bearings and headings over time."""
-    for name, colour in (("bearing", BEARING), ("heading", 0x2896FFFF)):
-        style = rr.SeriesPoints(names=name, colors=[colour], marker_sizes=1.5)
-        stream.log(f"plots/directions/{name}", style, static=True)
 
 
 def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray) -> None:
@@ -33,13 +26,12 @@ def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray)
         unit_gain: Gains at `AZIMUTHS_RAD`, normalised at each azimuth, shape (n_elements, n_azimuths).
     """
     bearing_rad, rows = part.tables["bearing"]["bearing_rad"], part.tables["bearing"]["pulse"] - part.first["pulse"]
-    set_step(stream, part.log, max(part.end - 1, 0))
     if not rows.size:
         for path in ("world/bearings", "world/spectrum"):
-            stream.log(path, rr.Clear(recursive=False))
+            stream.log(path, rr.Clear.flat())
         return
     step, strengths_v = part.tables["pulse"]["step"][rows], part.tables["pulse"]["strengths_v"][rows]
-    pose = part.pose(step)
+    pose = part.tables["step"]["pose"][step - part.first["step"]]
     start_m = np.column_stack([pose[:, :2], np.full(rows.size, ARRAY_HEIGHT_M)])
     ahead = np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad), np.zeros(rows.size)])
     stream.log("world/bearings", lines_3d(np.stack([start_m, start_m + 25.0 * ahead], axis=1), BEARING, 1.0))

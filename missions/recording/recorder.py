@@ -12,12 +12,12 @@ import rerun as rr
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.recording.bins import LogBin
+from pdpatrol.missions.recording.bins import LogBin, set_step
 from pdpatrol.missions.recording.blueprint import blueprint
 from pdpatrol.missions.recording.findings import draw_findings, draw_phase_patterns
-from pdpatrol.missions.recording.pulses import AZIMUTHS_RAD, draw_plots, draw_pulses
+from pdpatrol.missions.recording.pulses import AZIMUTHS_RAD, draw_pulses
 from pdpatrol.missions.recording.scene import draw_motion, draw_scene
-from pdpatrol.missions.recording.status import draw_outcome, draw_phases, draw_status
+from pdpatrol.missions.recording.status import draw_events, draw_outcome, draw_status
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.wording import outcome_text, title_text
 
@@ -39,36 +39,33 @@ class Recorder:
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         stream.send_recording_name(title_text(log.meta))
         draw_scene(stream, log.meta)
-        draw_plots(stream)
-        draw_phases(stream)
 
-    def update(self) -> None:
-        """Draw the complete bins; if the mission has ended, the rest as well."""
-        if "end" in self._log.column("event", "kind", self._n_drawn["event"]):
-            self.finish()
-        while self._log.n_rows("step") >= self._n_drawn["step"] + self._bin_steps:
-            self._draw_bin(self._n_drawn["step"] + self._bin_steps)
-
-    def finish(self) -> None:
-        """Draw the rest of a log that no longer grows."""
+    def update(self, *, is_over: bool) -> None:
+        """Draw the complete bins; if the log no longer grows, the rest and the outcome as well."""
         n_steps = self._log.n_rows("step")
-        for end in range(self._n_drawn["step"] + self._bin_steps, n_steps, self._bin_steps):
+        for end in range(self._n_drawn["step"] + self._bin_steps, n_steps + 1, self._bin_steps):
             self._draw_bin(end)
-        self._draw_bin(n_steps, is_last=True)
-        report = make_report(self._log, 0.0)
-        draw_phase_patterns(self._stream, self._log, report)
-        draw_outcome(self._stream, self._log, report)
-        self._stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
+        if is_over:
+            self._draw_bin(max(n_steps, 1))  # without steps, events refer to step 0
+            set_step(self._stream, self._log, self._log.last_step)
+            report = make_report(self._log, 0.0)
+            draw_phase_patterns(self._stream, self._log, report)
+            draw_outcome(self._stream, report)
+            self._stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
 
-    def _draw_bin(self, end: int, *, is_last: bool = False) -> None:
-        stop = {name: self._log.n_rows(name) if is_last else self._log.rows_before(name, end) for name in self._n_drawn}
+    def _draw_bin(self, end: int) -> None:
+        """Draw the rows up to step `end`."""
+        stop = {name: self._log.rows_before(name, end) for name in self._n_drawn}
         tables = {name: self._log.table(name, start, stop[name]) for name, start in self._n_drawn.items()}
         part = LogBin(self._log, self._n_drawn, tables)
         self._n_drawn = stop
-        draw_motion(self._stream, part)
-        draw_pulses(self._stream, part, self._unit_gain)
         draw_findings(self._stream, part)
-        draw_status(self._stream, part)
+        draw_events(self._stream, part)
+        if part.end > part.first["step"]:
+            set_step(self._stream, self._log, part.end - 1)
+            draw_motion(self._stream, part)
+            draw_pulses(self._stream, part, self._unit_gain)
+            draw_status(self._stream, part)
 
 
 def recording_stream(log: MissionLog) -> rr.RecordingStream:
@@ -79,7 +76,7 @@ def recording_stream(log: MissionLog) -> rr.RecordingStream:
     """
     facts = f"{json.dumps(log.meta, sort_keys=True)} {log.n_rows('step')}"
     digest = hashlib.sha256(facts.encode()).hexdigest()[:8]
-    name = f"pdpatrol {log.meta.get('name', 'mission')}"
+    name = f"pdpatrol {log.meta['name']}"
     return rr.RecordingStream(name, recording_id=f"{title_text(log.meta)} ({digest})", send_properties=False)
 
 
@@ -98,7 +95,7 @@ def write_recording(log: MissionLog, path: Path, *, lists_recordings: bool = Fal
     content = stream.binary_stream()  # Rerun's own files are cut short silently on a full disk
     try:
         stream.send_blueprint(blueprint(log.meta, is_live=False, lists_recordings=lists_recordings))
-        Recorder(stream, log).finish()
+        Recorder(stream, log).update(is_over=True)
     finally:
         data = content.read(flush=True) or b""
         stream.disconnect()

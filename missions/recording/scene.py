@@ -1,4 +1,4 @@
-"""Yard, route and true sources, which do not move, and the robot with its trajectories."""
+"""Yard, route and true sources, which do not move, and the robot with its trajectories and phases."""
 
 from __future__ import annotations
 
@@ -9,21 +9,43 @@ import numpy as np
 import rerun as rr
 
 from dirmusic.angles import wrap
-from pdpatrol.missions.recording.bins import LogBin, at_steps, labels_3d, lines_3d, set_step
+from pdpatrol.missions.recording.bins import LogBin, at_steps, labels_3d, lines_3d
+from pdpatrol.missions.recording.pulses import BEARING
+from pdpatrol.missions.report.wording import PHASES
 
 TRUTH = 0xFF46C8FF
 
+PHASE_COLOURS = {
+    "patrol": (70, 110, 160),
+    "seek": (200, 110, 30),
+    "listen": (170, 150, 60),
+    "return to dock": (80, 90, 100),
+    "back off": (190, 60, 60),
+    "random": (110, 80, 150),
+    "field": (70, 110, 160),
+}
+"""Colours of the phases of built-in policies."""
+
 
 def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
-    """Draw everything that does not move, from the metadata of a log."""
+    """Draw everything that does not move, from the metadata of a log, and set the styles of phases and directions."""
     solids, sites, truth = meta.get("solids", {}), meta.get("sites", {}), meta.get("truth", {})
-    sources = [*truth.get("sources", ()), *truth.get("interferers", ())]
+    sources, ((left, bottom), (right, top)) = (
+        [*truth.get("sources", ()), *truth.get("interferers", ())],
+        meta["bounds_m"],
+    )
     equipment, fence = (
         [solid for solid in solids.get("yard", ()) if solid["group"] == group] for group in ("equipment", "fence")
     )
     pieces = {site.partition("/")[0]: [x, y + 1.8, z] for site, (x, y, z) in sites.items()}  # away from findings
     shapes: dict[str, Any] = {
         "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
+        "world/yard/ground": rr.Boxes3D(
+            mins=[[left, bottom, -0.05]],
+            sizes=[[right - left, top - bottom, 0.04]],
+            colors=[0x404648FF],
+            fill_mode="solid",
+        ),
         **_solids("world/yard/equipment", equipment, "transparentfillmajorwireframe"),  # the robot may be behind it
         **_solids("world/yard/fence", fence, "solid"),
         **_solids("world/yard/map", solids.get("map", ()), "majorwireframe"),
@@ -32,6 +54,11 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         "world/yard/sites": rr.Points3D(
             list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07], show_labels=False
         ),
+        "plots/directions/bearing": rr.SeriesPoints(colors=[BEARING], marker_sizes=1.5),
+        "plots/directions/heading": rr.SeriesPoints(colors=[0x2896FFFF], marker_sizes=1.5),
+        "mission/phase": rr.StateConfiguration(
+            values=list(PHASES), labels=list(PHASES.values()), colors=[PHASE_COLOURS[name] for name in PHASES]
+        ),
         # the camera of a view follows an entity only if it has its own shape; field data have no solids
         "world/robot": rr.Points3D([[0.0, 0.0, 0.3]], radii=[0.1], colors=[0xEBEBF0FF]),
         "world/robot/marker": rr.Arrows3D(
@@ -39,19 +66,8 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         ),
     }
     if sources:
-        names = [f"true: {source['name']}" for source in sources]
-        places = [source["position_m"] for source in sources]
-        shapes["world/truth/sources"] = rr.Points3D(
-            places, labels=names, colors=[TRUTH], radii=[0.22], show_labels=True
-        )
-    if "bounds_m" in meta:
-        (left, bottom), (right, top) = meta["bounds_m"]
-        shapes["world/yard/ground"] = rr.Boxes3D(
-            mins=[[left, bottom, -0.05]],
-            sizes=[[right - left, top - bottom, 0.04]],
-            colors=[0x404648FF],
-            fill_mode="solid",
-        )
+        places = {f"true: {source['name']}": source["position_m"] for source in sources}
+        shapes["world/truth/sources"] = labels_3d(places, 0.22, TRUTH)
     if "route" in meta:
         stops = {"dock": meta["route"]["dock_m"]}
         stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
@@ -62,15 +78,13 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
 
 
 def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
-    """Draw the poses of a bin; each trajectory grows by the line of one bin."""
+    """Draw poses and phases of a bin; each trajectory grows by the line of one bin."""
     first, end = part.first["step"], part.end
-    if end == first:
-        return
-    x, y, yaw_rad = part.tables["step"]["pose"].T
+    times, (x, y, yaw_rad) = at_steps(part.log, np.arange(first, end)), part.tables["step"]["pose"].T
     turns = [rr.RotationAxisAngle([0, 0, 1], radians=angle) for angle in yaw_rad.tolist()]
     moves = rr.Transform3D.columns(translation=np.column_stack([x, y, 0.0 * x]), rotation_axis_angle=turns)
-    stream.send_columns("world/robot", at_steps(part.log, np.arange(first, end)), moves)
-    set_step(stream, part.log, end - 1)
+    stream.send_columns("world/robot", times, moves)
+    stream.send_columns("mission/phase", times, rr.StateChange.columns(state=part.tables["step"]["phase"]))
     stream.log("plots/directions/heading", rr.Scalars(np.degrees(wrap(yaw_rad[-1]))))
     for path, column, height_m, colour, width in (
         ("world/trajectory", "pose", 0.06, 0x78BEFFFF, 1.5),

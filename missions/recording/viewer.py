@@ -118,7 +118,7 @@ class LiveView:
             stream = recording_stream(log)
             stream.connect_grpc(_address(self._port), default_blueprint=blueprint(log.meta, is_live=True))
             self._recorder = Recorder(stream, log)
-        self._recorder.update()
+        self._recorder.update(is_over="end" in log.column("event", "kind"))
 
 
 def _start(*arguments: object) -> subprocess.Popen[str]:

@@ -106,7 +106,7 @@ def test_growing_log_gives_the_same_recording(log: MissionLog, tmp_path: Path, d
             stop = 0 if name == "association" else log.rows_before(name, start + 7)
             for row in range(growing.n_rows(name), log.n_rows(name) if is_last else stop):
                 growing.append(name, **{column: values[row] for column, values in table.items()})
-        recorder.update()
+        recorder.update(is_over=is_last)
     stream.flush()
     stream.disconnect()
     live = read_recording(tmp_path / "live.rrd")
