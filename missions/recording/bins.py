@@ -47,9 +47,9 @@ def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
 
 def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01, colour: int = 0xFFFFFFFF) -> rr.Points3D:
     """Return labelled points at places x, y, z."""
-    return rr.Points3D(list(places.values()), labels=list(places), colors=[colour], radii=[radius_m], show_labels=True)
+    return rr.Points3D(list(places.values()), labels=list(places), colors=colour, radii=radius_m, show_labels=True)
 
 
 def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
     """Return lines whose width is in points of the screen."""
-    return rr.LineStrips3D(lines, colors=[colour], radii=rr.Radius.ui_points([width]))
+    return rr.LineStrips3D(lines, colors=colour, radii=rr.Radius.ui_points([width]))

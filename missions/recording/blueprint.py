@@ -87,8 +87,8 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
 
 def _world_view(name: str, eye: rrb.EyeControls3D, *hidden: str) -> rrb.Spatial3DView:
     """Return a view of the world in which trajectories are shown from the start."""
-    overrides: dict[Any, Any] = {path: rrb.EntityBehavior(visible=False) for path in hidden}
-    overrides |= {path: SO_FAR for path in ("world/trajectory", "world/truth/trajectory", "world/odometry")}
+    overrides: dict[Any, Any] = dict.fromkeys(hidden, rrb.EntityBehavior(visible=False))
+    overrides |= dict.fromkeys(("world/trajectory", "world/truth/trajectory", "world/odometry"), SO_FAR)
     return rrb.Spatial3DView(
         origin="world",
         name=name,

@@ -51,12 +51,12 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
         stream.log(path, rr.Clear(recursive=True))
         return
     (x, y, z), covariance_m2, colour = finding["position_m"], finding["covariance_m2"], COLOURS[state]
-    stream.log(path, rr.Points3D([[x, y, z]], colors=[colour], radii=[0.2]))
+    stream.log(path, rr.Points3D([x, y, z], colors=colour, radii=0.2))
     draw_label(stream, number, (x, y, z), name_of(state, number))
     semi_major_m = ellipse95(covariance_m2[:2, :2]).semi_major_m
     outline_m = np.column_stack([outline95(np.array([x, y]), covariance_m2[:2, :2], 33), np.full(33, 0.1)])
     lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger ellipse would hide the yard
-    stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=[colour], radii=[0.05]))
+    stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=colour, radii=0.05))
     stream.log(f"plots/uncertainty/{number}", rr.Scalars(semi_major_m))
 
 
@@ -95,21 +95,21 @@ def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog, report: Rep
     phase_deg = np.arange(0.0, 361.0, 5.0)
     sine = np.column_stack([phase_deg, -0.8 * reach * np.sin(np.radians(phase_deg))])
     frame = [[0, -reach], [0, reach], [360, reach], [360, -reach], [0, -reach]]
-    lines = rr.LineStrips2D([sine, [[0, 0], [360, 0]], frame], colors=[0x404648FF], radii=[0.6])
+    lines = rr.LineStrips2D([sine, [[0, 0], [360, 0]], frame], colors=0x404648FF, radii=0.6)
     stream.log("phase_pattern/axes", lines, static=True)
     marks = {f"{x}°": [x, reach + 9.0] for x in range(0, 361, 90)}
     marks |= {f"{middle_db + db} dBV": [-22.0, -UNITS_PER_DB * db] for db in range(10 - SPAN_DB, SPAN_DB, 10)}
-    labels = rr.Points2D(list(marks.values()), labels=list(marks), colors=[0xFFFFFFFF], radii=[0.1], show_labels=True)
+    labels = rr.Points2D(list(marks.values()), labels=list(marks), colors=0xFFFFFFFF, radii=0.1, show_labels=True)
     stream.log("phase_pattern/marks", labels, static=True)
     for order, record in enumerate(records):
         (pulses, _), path = patterns[record.id], f"phase_pattern/{record.id}"
         colour = (0x5AC8FFFF, 0xFFB228FF, 0x3CDC6EFF, 0xE66EDCFF, 0xF0E66EFF)[order % 5]
         steps, counts = np.unique(log.column("pulse", "step")[pulses.pulse], return_counts=True)
         places = np.column_stack([np.degrees(pulses.phase_rad) % 360.0, UNITS_PER_DB * (middle_db - pulses.level_db)])
-        stream.log(path, rr.Points2D.from_fields(colors=[colour], radii=[1.2]), static=True)
+        stream.log(path, rr.Points2D.from_fields(colors=colour, radii=1.2), static=True)
         points = rr.Points2D.columns(positions=places).partition(counts)
         stream.send_columns(path, at_steps(log, steps), points)
         row, column = divmod(order, 2)  # names are in two columns above the frame
         place = [90.0 + 180.0 * column, -reach - 18.0 * (row + 1.5)]
         text = f"{name_of(record.state, record.id)}: {kind_text(record)}"
-        stream.log(f"{path}/kind", rr.Points2D([place], labels=[text], colors=[colour], radii=[4.0], show_labels=True))
+        stream.log(f"{path}/kind", rr.Points2D(place, labels=text, colors=colour, radii=4.0, show_labels=True))

@@ -15,17 +15,6 @@ from pdpatrol.missions.report.wording import PHASES
 
 TRUTH = 0xFF46C8FF
 
-PHASE_COLOURS = {
-    "patrol": (70, 110, 160),
-    "seek": (200, 110, 30),
-    "listen": (170, 150, 60),
-    "return to dock": (80, 90, 100),
-    "back off": (190, 60, 60),
-    "random": (110, 80, 150),
-    "field": (70, 110, 160),
-}
-"""Colours of the phases of built-in policies."""
-
 
 def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Draw everything that does not move, from the metadata of a log, and set the styles of phases and directions."""
@@ -41,9 +30,9 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     shapes: dict[str, Any] = {
         "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
         "world/yard/ground": rr.Boxes3D(
-            mins=[[left, bottom, -0.05]],
-            sizes=[[right - left, top - bottom, 0.04]],
-            colors=[0x404648FF],
+            mins=[left, bottom, -0.05],
+            sizes=[right - left, top - bottom, 0.04],
+            colors=0x404648FF,
             fill_mode="solid",
         ),
         **_solids("world/yard/equipment", equipment, "transparentfillmajorwireframe"),  # the robot may be behind it
@@ -52,17 +41,15 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         **_solids("world/robot/body", solids.get("robot", ()), "solid"),
         "world/yard/names": labels_3d(pieces),
         "world/yard/sites": rr.Points3D(
-            list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07], show_labels=False
+            list(sites.values()), labels=list(sites), colors=0xC8965AFF, radii=0.07, show_labels=False
         ),
-        "plots/directions/bearing": rr.SeriesPoints(colors=[BEARING], marker_sizes=1.5),
-        "plots/directions/heading": rr.SeriesPoints(colors=[0x2896FFFF], marker_sizes=1.5),
-        "mission/phase": rr.StateConfiguration(
-            values=list(PHASES), labels=list(PHASES.values()), colors=[PHASE_COLOURS[name] for name in PHASES]
-        ),
+        "plots/directions/bearing": rr.SeriesPoints(colors=BEARING, marker_sizes=1.5),
+        "plots/directions/heading": rr.SeriesPoints(colors=0x2896FFFF, marker_sizes=1.5),
+        "mission/phase": rr.StateConfiguration(values=list(PHASES), labels=list(PHASES.values())),
         # the camera of a view follows an entity only if it has its own shape; field data have no solids
-        "world/robot": rr.Points3D([[0.0, 0.0, 0.3]], radii=[0.1], colors=[0xEBEBF0FF]),
+        "world/robot": rr.Points3D([0.0, 0.0, 0.3], radii=0.1, colors=0xEBEBF0FF),
         "world/robot/marker": rr.Arrows3D(
-            origins=[[0.7, 0.0, 1.5]], vectors=[[2.0, 0.0, 0.0]], radii=[0.22], colors=[0x2896FFFF]
+            origins=[0.7, 0.0, 1.5], vectors=[2.0, 0.0, 0.0], radii=0.22, colors=0x2896FFFF
         ),
     }
     if sources:
@@ -106,7 +93,7 @@ def _solids(path: str, solids: Sequence[Mapping[str, Any]], fill_mode: str) -> d
         style: dict[str, Any] = {
             "centers": [solid["position_m"] for solid in own],
             "quaternions": np.roll([solid["quaternion_wxyz"] for solid in own], -1, axis=-1),  # xyzw
-            "colors": np.round(255 * np.array([solid["rgba"] for solid in own])).astype(np.uint8),
+            "colors": np.array([solid["rgba"] for solid in own]),
             "fill_mode": fill_mode,
         }
         if shape == "box":
