@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dirmusic import InputFileError
-from dirmusic.arrays import FloatArray, IntArray
+from dirmusic import InputFileError, PulseBatch
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.field.input_table import InputTable, read_table
 from pdpatrol.missions.field.waveform_files import (
     MAX_CHANNELS,
@@ -37,9 +37,7 @@ class FieldData:
         time_s: Time of each step, not decreasing, shape (n_steps,).
         pose: x m, y m, yaw rad, shape (n_steps, 3).
         step: Step of each pulse, from 0, shape (n_pulses,).
-        strengths_v: Strengths in the live channels, shape (n_pulses, n_channels).
-        variance_v2: Noise variance of the strengths, same shape.
-        mains_phase_rad: Phase of the mains at each pulse, in [0, 2 pi), NaN where unknown, shape (n_pulses,).
+        pulses: Pulses in the live channels, without directions.
         channels: Numbers, from 0, of the live channels among the recorded ones, shape (n_channels,).
         n_recorded: Number of recorded channels.
         notes: Anything unusual, and how it was handled.
@@ -49,9 +47,7 @@ class FieldData:
     time_s: FloatArray
     pose: FloatArray
     step: IntArray
-    strengths_v: FloatArray
-    variance_v2: FloatArray
-    mains_phase_rad: FloatArray
+    pulses: PulseBatch
     channels: IntArray
     n_recorded: int
     notes: tuple[str, ...] = ()
@@ -76,45 +72,43 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         InputFileError: If the table or a waveform file is invalid; the message names file and line.
     """
     table = read_table(path)
-    n_strengths, has_deviations = _check_columns(table)
-    time_s = table.numbers("time_s", -5e9, 5e9, " s")  # includes Unix times in seconds, but not in milliseconds
-    x_m, y_m = (table.numbers(name, -1e5, 1e5, " m, in a frame of the site") for name in ("x_m", "y_m"))
-    yaw_deg = table.numbers("yaw_deg", -720, 720, " degrees, counter-clockwise from x")
-    phase_rad = np.full(time_s.size, np.nan)
+    strengths, deviations = _check_columns(table)
+    pose_columns = [
+        table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
+        table.numbers(-1e5, 1e5, "x_m", "y_m"),
+        np.radians(table.numbers(-720, 720, "yaw_deg")),
+    ]
+    poses = np.hstack(pose_columns)
+    time_s, phase_rad = poses[:, 0], np.full(len(poses), np.nan)
     if "mains_phase_deg" in table.columns:
-        phase_rad = np.radians(table.numbers("mains_phase_deg", -360, 360, " degrees")) % (2 * np.pi)
+        phase_rad = np.radians(table.numbers(-360, 360, "mains_phase_deg")[:, 0]) % (2 * np.pi)
     for row in np.flatnonzero(np.diff(time_s) < 0):
         text = f"time_s must not decrease: {time_s[row]:g} is followed by {time_s[row + 1]:g}"
         table.errors.append(f"{path}: line {table.lines[row + 1]}: {text}")
     table.check()
-    if n_strengths:
-        pulses = _read_strengths(table, n_strengths, noise_v, has_deviations=has_deviations)
+    if strengths:
+        pulses = _read_strengths(table, strengths, deviations, noise_v)
     else:
         pulses = read_waveforms(table, noise_v, gate_s)
     if np.isfinite(phase_rad).any() and pulses.row.size > time_s.size:
         raise InputFileError([f"{path}: mains_phase_deg needs one pulse per row, and a waveform file holds several"])
-    strengths_v = pulses.strengths_v
-    is_alive = np.any(np.nan_to_num(strengths_v) > 0, axis=0)
+    is_alive = np.any(np.nan_to_num(pulses.strengths_v) > 0, axis=0)
     if is_alive.sum() < MIN_CHANNELS:
         raise InputFileError([f"{path}: must have {MIN_CHANNELS} or more channels with a signal, got {is_alive.sum()}"])
-    is_complete = np.isfinite(strengths_v[:, is_alive]).all(axis=-1)
-    is_weak = is_complete & ~np.any(strengths_v[:, is_alive] > 0, axis=-1)
-    poses, step_of_row, notes = _steps(np.column_stack([time_s, x_m, y_m, np.radians(yaw_deg)]))
-    notes = [*doubts(poses[:, 1:]), *notes]
+    is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
+    steps, step_of_row, notes = _steps(poses)
+    notes += doubts(steps[:, 1:])
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
         notes.append(f"{np.sum(~is_complete)} pulses with a channel of zeros: left out")
-    if is_weak.any():
-        notes.append(f"{is_weak.sum()} pulses no stronger than the noise: no bearing")
-    row = pulses.row[is_complete]
+    row, used = pulses.row[is_complete], np.ix_(is_complete, is_alive)
+    step = step_of_row[row]
     return FieldData(
         path=path,
-        time_s=poses[:, 0],
-        pose=poses[:, 1:],
-        step=step_of_row[row],
-        strengths_v=strengths_v[np.ix_(is_complete, is_alive)],
-        variance_v2=pulses.variance_v2[np.ix_(is_complete, is_alive)],
-        mains_phase_rad=phase_rad[row],
+        time_s=steps[:, 0],
+        pose=steps[:, 1:],
+        step=step,
+        pulses=PulseBatch.detected(steps[step, 0], pulses.strengths_v[used], pulses.variance_v2[used], phase_rad[row]),
         channels=np.flatnonzero(is_alive),
         n_recorded=is_alive.size,
         notes=tuple(notes),
@@ -130,17 +124,20 @@ def _steps(poses: FloatArray) -> tuple[FloatArray, IntArray, list[str]]:
     Returns:
         The same for each step; the step of each row, shape (n_rows,); and a note if rows were pooled.
     """
-    is_first = np.append(True, np.any(np.diff(poses, axis=0) != 0, axis=-1))
-    starts, step_of_row = np.flatnonzero(is_first), np.cumsum(is_first) - 1
-    if starts.size <= MAX_STEPS:
-        return poses[starts], step_of_row, []
-    cells = np.floor((poses - poses[0]) / POOLED)
-    is_first = np.append(True, np.any(np.diff(cells, axis=0) != 0, axis=-1))
-    note = f"{starts.size} times and poses were pooled into {is_first.sum()}: within 1 s, 0.1 m and 2 degrees"
+    notes: list[str] = []
+    is_first = _changes(poses)
+    if is_first.sum() > MAX_STEPS:
+        n_steps, is_first = is_first.sum(), _changes(np.floor((poses - poses[0]) / POOLED))
+        notes = [f"{n_steps} times and poses were pooled into {is_first.sum()}: within 1 s, 0.1 m and 2 degrees"]
     starts = np.flatnonzero(is_first)
-    count = np.diff(np.append(starts, len(poses)))
+    count = np.diff(starts, append=len(poses))
     means = poses[0] + np.add.reduceat(poses - poses[0], starts) / count[:, np.newaxis]
-    return means, np.cumsum(is_first) - 1, [note]
+    return means, np.cumsum(is_first) - 1, notes
+
+
+def _changes(rows: FloatArray) -> BoolArray:
+    """Return True for the first row and for each row that differs from the one before it."""
+    return np.append(True, np.any(np.diff(rows, axis=0) != 0, axis=-1))
 
 
 def doubts(pose: FloatArray) -> list[str]:
@@ -150,9 +147,7 @@ def doubts(pose: FloatArray) -> list[str]:
         pose: x m, y m, yaw rad as read, shape (n, 3).
     """
     notes: list[str] = []
-    if len(pose) < 4:  # too few to judge their units
-        return notes
-    yaw_deg, size_m = np.degrees(pose[:, 2]), float(np.ptp(pose[:, :2], axis=0).max())
+    yaw_deg, size_m = np.degrees(pose[:, 2]), np.ptp(pose[:, :2], axis=0).max()
     turns = np.ptp(yaw_deg) > 2.0 and np.unique(yaw_deg).size >= 4
     if turns and np.abs(yaw_deg).max() <= 2 * np.pi:
         notes.append(
@@ -163,11 +158,13 @@ def doubts(pose: FloatArray) -> list[str]:
     return notes
 
 
-def _check_columns(table: InputTable) -> tuple[int, bool]:
-    """Check the names of the columns; return the number of strengths, and whether the table has their deviations."""
+def _check_columns(table: InputTable) -> tuple[list[str], list[str]]:
+    """Check the names of the columns; return those of strengths, and those of their deviations."""
     n, n_std = (sum(name.startswith(kind) for name in table.columns) for kind in ("strength_", "std_"))
-    needed = ["time_s", "x_m", "y_m", "yaw_deg", *(f"strength_{k + 1}" for k in range(n))]
-    needed += [f"std_{k + 1}" for k in range(n)] if n and n_std else [] if n else ["waveform"]
+    strengths, deviations = ([f"{kind}_{k + 1}" for k in range(n)] for kind in ("strength", "std"))
+    if not n_std:
+        deviations = []
+    needed = ["time_s", "x_m", "y_m", "yaw_deg", *(strengths or ["waveform"]), *deviations]
     missing = [name for name in needed if name not in table.columns]
     unknown = [name for name in table.columns if name not in (*needed, "mains_phase_deg")]
     for kind, names in (("missing", missing), ("unknown", unknown)):
@@ -179,17 +176,20 @@ def _check_columns(table: InputTable) -> tuple[int, bool]:
     if n and not MIN_CHANNELS <= n <= MAX_CHANNELS:
         table.errors.append(f"{table.path}: must have {MIN_CHANNELS} to {MAX_CHANNELS} columns of strengths, got {n}")
     table.check()
-    return n, n_std > 0
+    return strengths, deviations
 
 
-def _read_strengths(table: InputTable, n: int, noise_v: float | None, *, has_deviations: bool) -> TablePulses:
-    if not has_deviations and noise_v is None:
-        text = f"needs the columns std_1 to std_{n}, or --noise-v: how far a strength can be trusted"
+def _read_strengths(
+    table: InputTable, strengths: list[str], deviations: list[str], noise_v: float | None
+) -> TablePulses:
+    strengths_v = table.numbers(0, MAX_VOLTS, *strengths)
+    if deviations:
+        std_v = table.numbers(MIN_STRENGTH_V, MAX_VOLTS, *deviations)
+    elif noise_v is not None:
+        std_v = np.full(strengths_v.shape, noise_v)
+    else:
+        text = f"needs the columns std_1 to std_{len(strengths)}, or --noise-v: how far a strength can be trusted"
         raise InputFileError([f"{table.path}: {text}"])
-    strengths_v = np.column_stack([table.numbers(f"strength_{k + 1}", 0, MAX_VOLTS, " V") for k in range(n)])
-    std_v = np.full(strengths_v.shape, noise_v)
-    if has_deviations:
-        std_v = np.column_stack([table.numbers(f"std_{k + 1}", MIN_STRENGTH_V, MAX_VOLTS, " V") for k in range(n)])
     table.check()
     strengths_v[strengths_v < MIN_STRENGTH_V] = 0.0
-    return TablePulses(np.arange(table.lines.size), strengths_v, np.square(std_v))
+    return TablePulses(np.arange(len(strengths_v)), strengths_v, np.square(std_v))

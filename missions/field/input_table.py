@@ -36,12 +36,12 @@ class InputTable:
     lines: IntArray
     errors: list[str] = field(default_factory=list[str])
 
-    def numbers(self, name: str, low: float, high: float, unit: str = "") -> FloatArray:
-        """Return a column, and add an error for each cell that is not a number from `low` to `high`."""
-        values = self.columns[name]
-        for row in np.flatnonzero(~((values >= low) & (values <= high)))[:MAX_ERRORS]:
-            must = f"{name} must be a number from {low:g} to {high:g}{unit}"
-            self.errors.append(f"{self.path}: line {self.lines[row]}: {must}, got {values[row]:g}")
+    def numbers(self, low: float, high: float, *names: str) -> FloatArray:
+        """Return columns, shape (n_rows, n_names); add an error for each cell that is not a number from low to high."""
+        values = np.column_stack([self.columns[name] for name in names])
+        for row, column in np.argwhere(~((values >= low) & (values <= high)))[:MAX_ERRORS]:
+            must = f"{names[column]} must be a number from {low:g} to {high:g}"
+            self.errors.append(f"{self.path}: line {self.lines[row]}: {must}, got {values[row, column]:g}")
         return values
 
     def check(self) -> None:
@@ -65,32 +65,32 @@ def read_table(path: Path) -> InputTable:
         raise InputFileError([f"{path}: must be UTF-8 text, and byte {error.start} is not"]) from None
     lines = [
         (number, line)
-        for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1)
+        for number, line in enumerate(text.splitlines(), start=1)
         if line.strip(" ,;\t") and not line.lstrip().startswith("#")
     ]
     if lines and lines[0][1].strip('" ').lower().startswith("sep="):
         del lines[0]
     if len(lines) < 2:
         raise InputFileError([f"{path}: must have a header and at least one row"])
-    delimiter = next((mark for mark in ";\t" if mark in lines[0][1]), ",")
-    names = [name.strip(' "') for name in lines[0][1].split(delimiter)]
-    if "" in names or len(set(names)) < len(names) or len(names) > 1000:
-        raise InputFileError([f"{path}: must have at most 1000 columns, whose names are unique and not empty"])
-    rows = "\n".join(line for _, line in lines[1:])
-    has_decimal_comma = delimiter != "," and "," in rows
+    numbers, (header, *rows) = zip(*lines, strict=True)
+    delimiter = next((mark for mark in ";\t" if mark in header), ",")
+    names = [name.strip(' "') for name in header.split(delimiter)]
+    if "" in names or len(set(names)) < len(names):
+        raise InputFileError([f"{path}: must have columns whose names are unique and not empty"])
+    has_decimal_comma = delimiter != "," and any("," in row for row in rows)
     if has_decimal_comma:
         warnings.warn(InputFileWarning(f"{path}: a comma in a number is read as the decimal sign"), stacklevel=2)
     types = {name: pa.string() if name == "waveform" else pa.float64() for name in names}
     try:
         table = csv.read_csv(
-            pa.BufferReader(rows.encode()),
+            pa.BufferReader("\n".join(rows).encode()),
             csv.ReadOptions(column_names=names, use_threads=False),
             csv.ParseOptions(delimiter=delimiter),
             csv.ConvertOptions(column_types=types, decimal_point="," if has_decimal_comma else "."),
         )
     except pa.ArrowInvalid as error:
         raise InputFileError([f"{path}: {' '.join(str(error).split()):.300}"]) from None
-    if table.num_rows != len(lines) - 1:
+    if table.num_rows != len(rows):
         raise InputFileError([f"{path}: a quoted cell must end on the line on which it begins"])
     columns = {name: table[name].to_numpy() for name in names}
-    return InputTable(path=path, columns=columns, lines=np.array([number for number, _ in lines[1:]]))
+    return InputTable(path=path, columns=columns, lines=np.array(numbers[1:]))

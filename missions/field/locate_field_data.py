@@ -2,35 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from dirmusic import (
     ArrayModel,
     ElementSpread,
     GainManifold,
-    GainPattern,
     GaussianPattern,
     InputFileError,
     Locator,
     PoseError,
-    PulseBatch,
+    read_pattern,
 )
+from dirmusic.array.element_errors import UNEXPLAINED
+from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.envs.scenario.array import ArrayCalibration
+from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.field.field_data import FieldData
+from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
-
-FloatArray = NDArray[np.float64]
 
 FIELD_RULES = LocatingRules(
     initiation_s=np.inf,
@@ -44,90 +44,67 @@ FIELD_RULES = LocatingRules(
 can be sent nearer. Lines of sight must still cross at an angle, and the ellipse must be small."""
 
 
-def array_model(
-    data: FieldData,
-    spread: ElementSpread,
-    pattern: GainPattern | None = None,
-    boresights_deg: Sequence[float] | None = None,
-    ring_radius_m: float = 0.12,
-    height_m: float = 0.6,
-) -> ArrayModel:
+def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
     """Return the model of the live channels of the array that took the data.
 
-    Args:
-        data: Pulses, with the numbers of the live channels.
-        spread: Deviations of such arrays from their data sheet.
-        pattern: Pattern of every element; None for eq. (1) of the Dir-MUSIC paper.
-        boresights_deg: Azimuth of each recorded channel's element; None for an evenly spaced ring; four channels are
-            taken as the first four of six elements.
-        ring_radius_m: Radius of the ring.
-        height_m: Height of the ring above the ground.
-
     Raises:
-        InputFileError: If the numbers of boresights and channels differ, or the pattern is omnidirectional.
+        InputFileError: If the numbers of boresights and channels differ, or the pattern cannot be used.
     """
     n = data.n_recorded
-    if boresights_deg is not None and len(boresights_deg) != n:
-        raise InputFileError([f"--boresights-deg must have one number per channel, {n}, got {len(boresights_deg)}"])
-    if boresights_deg is None:
-        boresights = np.array(GainManifold.ring(6 if n == 4 else n).boresights_rad[:n])
+    if survey.boresights_deg is None:
+        boresights = ring_boresights_rad(6 if n == 4 else n)[:n]
     else:
-        boresights = np.radians(boresights_deg)
+        boresights = np.radians(survey.boresights_deg)
+    if boresights.size != n:
+        raise InputFileError([f"--boresights-deg must have one number per channel, {n}, got {boresights.size}"])
+    pattern = GaussianPattern() if survey.pattern is None else read_pattern(survey.pattern)
     try:
-        manifold = GainManifold(pattern or GaussianPattern(), boresights).take(data.channels)
+        manifold = GainManifold(pattern, boresights).take(data.channels)
     except ValueError as error:
         raise InputFileError([f"--pattern, --boresights-deg: {error}"]) from None
-    ring = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
-    positions = np.column_stack([ring, np.full(n, height_m)])
-    return ArrayModel(manifold=manifold, positions_m=positions[data.channels], spread=spread)
-
-
-def calibrated(array: ArrayModel, calibration: ArrayCalibration) -> ArrayModel:
-    """Return the array with the errors estimated from earlier data.
-
-    Raises:
-        InputFileError: If the calibration belongs to another array.
-    """
-    mismatch = calibration.mismatch(array, None)
-    if mismatch is not None:
-        raise InputFileError([f"--calibration: {mismatch}"])
-    return calibration.applied_to(array)
+    forward, left = np.cos(manifold.boresights_rad), np.sin(manifold.boresights_rad)
+    positions_m = [survey.ring_radius_m * forward, survey.ring_radius_m * left, np.full(left.size, survey.height_m)]
+    spread = ElementSpread(
+        gain=survey.gain_error,
+        pointing_rad=math.radians(survey.pointing_error_deg),
+        offset=survey.gain_offset / math.sqrt(3),
+        unexplained=UNEXPLAINED,
+    )
+    return ArrayModel(manifold=manifold, positions_m=np.stack(positions_m, axis=-1), spread=spread)
 
 
 def locate_field_data(
-    data: FieldData,
-    array: ArrayModel,
-    pose_error: PoseError,
-    *,
-    fence_m: tuple[float, float] | None = None,
-    date: str | None = None,
-    calibration: ArrayCalibration | None = None,
-    progress: Callable[[float], None] = lambda share: None,
+    data: FieldData, survey: SurveyOptions, progress: Callable[[float], None] = lambda share: None
 ) -> MissionLog:
     """Estimate bearings and findings, and return them as the log of a mission without robot, yard and truth.
 
     Args:
         data: Pulses with their poses, as read from the table.
-        array: Data sheet and spread of the live channels, with the errors of a calibration.
-        pose_error: Standard deviations of the poses.
-        fence_m: Length of the yard along x and y from its corner at the origin; None without a fence.
-        date: Date of the survey, such as 2026-03-02; None if unknown.
-        calibration: Calibration that the errors of the array come from.
+        survey: Array, poses, yard and date.
         progress: Called with the share of the work that was done since the last call.
+
+    Raises:
+        InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
     """
-    log = MissionLog({**_meta(data, array, pose_error, fence_m), "date": date})
-    rules, due_s, estimator = FIELD_RULES, -np.inf, maximum_likelihood
-    locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
-    tracker = Tracker(log, locator, array, pose_error, estimator, rules.credibility)
+    array = array_model(data, survey)
+    calibration = survey.calibration and read_calibration(survey.calibration)
+    if calibration is not None:
+        if mismatch := calibration.mismatch(array, None):
+            raise InputFileError([f"--calibration: {mismatch}"])
+        array = calibration.applied_to(array)
+    pose_error = PoseError(
+        position_m=survey.position_std_m,
+        heading_rad=math.radians(survey.heading_std_deg),
+        correlation_s=survey.pose_correlation_s,
+    )
+    log = MissionLog(_meta(data, array, survey))
+    locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=FIELD_RULES)
+    tracker = Tracker(log, locator, array, pose_error, maximum_likelihood, FIELD_RULES.credibility)
     with threadpool_limits(limits=1):
-        monitor = ChannelMonitor(array, estimator)
-        pulse_time_s = data.time_s[data.step]
-        pulses, suspects = monitor.watch(
-            PulseBatch.detected(pulse_time_s, data.strengths_v, data.variance_v2, data.mains_phase_rad)
-        )
+        pulses, suspects = ChannelMonitor(array, maximum_likelihood).watch(data.pulses)
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
-        no_pose = np.full(3, np.nan)
-        for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
+        no_pose, due_s = np.full(3, np.nan), data.time_s[0] + 1.0
+        for step, (time_s, pose) in enumerate(zip(data.time_s.tolist(), data.pose, strict=True)):
             log.append(
                 "step",
                 time_s=time_s,
@@ -145,17 +122,15 @@ def locate_field_data(
                 for suspect in suspects:  # numbered as in the files, including the dead channels
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
                     log.event("channel fault", f"{recorded}: left out")
-            tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1])))
-            if time_s >= due_s:
-                tracker.refit(float(time_s))
+            tracker.track(time_s, pose, pulses.take(slice(first[step], first[step + 1])))
+            if time_s >= due_s or 0 < step == data.time_s.size - 1:  # in the first step, `track` fits
+                tracker.refit(time_s)
                 # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
                 # hours is refitted only a few hundred times.
                 due_s = time_s + max(1.0, 0.02 * (time_s - data.time_s[0]))
             progress(1.0 / data.time_s.size)
-        if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
-            tracker.refit(float(data.time_s[-1]))
     if pulses.n_pulses and not log.n_rows("bearing"):
-        n_weak = int(np.count_nonzero(pulses.std_rad >= rules.credibility.max_std_rad))
+        n_weak = np.count_nonzero(pulses.std_rad >= FIELD_RULES.credibility.max_std_rad)
         log.event(
             "rejected",
             f"all {pulses.n_pulses} pulses were rejected: {n_weak} too weak for the noise (deviations, volts?), the "
@@ -166,33 +141,31 @@ def locate_field_data(
     return log
 
 
-def _meta(
-    data: FieldData, array: ArrayModel, pose_error: PoseError, fence_m: tuple[float, float] | None
-) -> dict[str, Any]:
+def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions) -> dict[str, Any]:
     """Return the metadata of the survey; the assumed errors are stored under the keys of a scenario."""
     low, high = data.pose[:, :2].min(axis=0) - 10.0, data.pose[:, :2].max(axis=0) + 10.0  # shown around the poses
-    if fence_m is not None:
-        low, high = np.zeros(2), np.asarray(fence_m)
+    n_elements = array.manifold.n_elements
     return {
         "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
         "name": data.path.stem,
         "seed": None,
         "policy": None,
+        "date": survey.date,
         "field_data": {"file": data.path.name, "channels": (data.channels + 1).tolist(), "recorded": data.n_recorded},
-        "n_elements": array.manifold.n_elements,
+        "n_elements": n_elements,
         "array": describe_array(array),
-        "bounds_m": [low.tolist(), high.tolist()],
+        "bounds_m": [low.tolist(), high.tolist()] if survey.yard_m is None else [[0.0, 0.0], survey.yard_m],
         "settings": {
             "array": {
-                "n_elements": array.manifold.n_elements,
-                "height_m": array.height_m,
-                "gain_error": array.spread.gain,
-                "pointing_error_deg": float(np.degrees(array.spread.pointing_rad)),
+                "n_elements": n_elements,
+                "height_m": survey.height_m,
+                "gain_error": survey.gain_error,
+                "pointing_error_deg": survey.pointing_error_deg,
             },
             "pose_sensor": {
-                "position_std_m": pose_error.position_m,
-                "heading_std_deg": float(np.degrees(pose_error.heading_rad)),
-                "correlation_s": pose_error.correlation_s,
+                "position_std_m": survey.position_std_m,
+                "heading_std_deg": survey.heading_std_deg,
+                "correlation_s": survey.pose_correlation_s,
             },
         },
     }

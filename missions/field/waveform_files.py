@@ -74,8 +74,9 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
     shape: tuple[int, float] | None = None
     n_gate = 0
     for row, name in enumerate(table.columns["waveform"].tolist()):
+        path = table.path.parent / name
         try:
-            record = _read_record(table.path.parent / name)
+            record = _read_record(path)
             shape = shape or (record.samples.shape[1], record.sample_rate_hz)
             if record.samples.shape[1] != shape[0] or abs(record.sample_rate_hz / shape[1] - 1) > 0.01:
                 raise ValueError(f"must have {shape[0]} channels at {shape[1]:g} Hz as the first file")
@@ -85,7 +86,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
                     f"the gate must have 4 to {record.samples.shape[2]} samples; --gate-ns {gate_s * 1e9:g} is {n_gate}"
                 )
             for samples in record.samples:
-                volts = _volts(samples, record.volts_per_sample)
+                volts = np.multiply(samples, record.volts_per_sample, dtype=np.float64)
                 start = pulse_start(volts, n_gate)
                 energies.append(np.square(cut_windows(volts, start, n_gate)).sum(axis=-1))
                 sample = np.arange(volts.shape[-1]) - start
@@ -94,7 +95,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
                     noises.append(np.square(volts[:, is_noise]).mean(axis=-1))
                 rows.append(row)
         except ValueError as error:  # InputFileError is a subclass
-            first = str(error).splitlines()[0].removeprefix(f"{table.path.parent / name}: ")
+            first = str(error).splitlines()[0].removeprefix(f"{path}: ")
             raise InputFileError([f"{table.path}: line {table.lines[row]}: waveform {name}: {first}"]) from None
     energy_v2 = np.array(energies)
     if noise_v is not None:
@@ -113,16 +114,6 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
     return TablePulses(np.array(rows), strengths_v, variance_v2)
 
 
-def _volts(samples: NDArray[Any], volts_per_sample: float) -> FloatArray:
-    """Convert samples to volts; raise ValueError if they are not finite or too large."""
-    with np.errstate(over="ignore"):
-        volts = samples.astype(np.float64) * volts_per_sample
-    largest = float(np.abs(volts).max())
-    if not largest <= MAX_VOLTS:
-        raise ValueError(f"samples must be finite and at most {MAX_VOLTS:g} V, got {largest:.3g} V")
-    return volts
-
-
 def _read_record(path: Path) -> WaveformRecord:
     """Read one waveform file; raise ValueError without its name, or InputFileError with it."""
     record = _read_csv(path) if path.suffix.lower() == ".csv" else _read_npz(path)
@@ -132,9 +123,11 @@ def _read_record(path: Path) -> WaveformRecord:
             f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels and 1e7 samples of a pulse in all of them together, "
             f"got {n_channels} channels of {n_samples} samples"
         )
+    largest_v = max(float(record.samples.max()), -float(record.samples.min())) * record.volts_per_sample
     for name, value, low, high in (
         ("sample_rate_hz", record.sample_rate_hz, 1e6, 1e12),  # pulses last for nanoseconds
         ("volts_per_count", record.volts_per_sample, 1e-15, MAX_VOLTS),
+        ("the largest sample in volts", largest_v, 0.0, MAX_VOLTS),
     ):
         if not low <= value <= high:
             raise ValueError(f"{name} must be from {low:g} to {high:g}, got {value:g}")
@@ -146,8 +139,9 @@ def _read_npz(path: Path) -> WaveformRecord:
         with opened(path, MAX_BYTES) as file, np.load(file, allow_pickle=False) as archive:
             if sum(member.file_size for member in archive.zip.infolist()) > MAX_BYTES:
                 raise InputFileError([f"arrays must have at most {MAX_BYTES / 1e6:.0f} MB"])
-            samples, rate_hz = np.asarray(archive["waveforms"]), float(archive["sample_rate_hz"])
-            scale = float(archive["volts_per_count"]) if "volts_per_count" in archive else None
+            samples, rate_hz = archive["waveforms"], float(archive["sample_rate_hz"])
+            has_counts = "volts_per_count" in archive
+            scale = float(archive["volts_per_count"]) if has_counts else 1.0
     except InputFileError:
         raise
     except Exception as error:  # damaged bytes raise errors of many types in zipfile, zlib and the header reader
@@ -155,13 +149,12 @@ def _read_npz(path: Path) -> WaveformRecord:
             "must be an .npz archive with the arrays waveforms, sample_rate_hz and, for counts, volts_per_count "
             f"({' '.join(str(error).split()):.100})"
         ) from None
-    kinds = "f" if scale is None else "iuf"
-    if samples.ndim not in (2, 3) or samples.dtype.kind not in kinds or 0 in samples.shape:
+    if samples.ndim not in (2, 3) or samples.dtype.kind not in ("iuf" if has_counts else "f") or 0 in samples.shape:
         raise ValueError(
             "waveforms must be numbers of shape (n_channels, n_samples) or (n_pulses, n_channels, n_samples), and "
             f"whole numbers need volts_per_count; got {samples.dtype} of shape {samples.shape}"
         )
-    return WaveformRecord(samples.reshape(-1, *samples.shape[-2:]), 1.0 if scale is None else scale, rate_hz)
+    return WaveformRecord(samples.reshape(-1, *samples.shape[-2:]), scale, rate_hz)
 
 
 def _read_csv(path: Path) -> WaveformRecord:
@@ -169,9 +162,9 @@ def _read_csv(path: Path) -> WaveformRecord:
     expected = ["time_s", *(f"channel_{k + 1}" for k in range(len(table.columns) - 1))]
     if list(table.columns) != expected:
         raise ValueError("columns must be time_s, channel_1, channel_2 ... in order")
-    time_s, *volts = (table.numbers(name, -MAX_VOLTS, MAX_VOLTS) for name in expected)
+    time_s, *volts = table.numbers(-MAX_VOLTS, MAX_VOLTS, *expected).T
     table.check()
     steps = np.diff(time_s)
     if steps.size == 0 or not (steps.min() > 0 and np.ptp(steps) <= 0.01 * np.median(steps)):
         raise ValueError("time_s must rise in even steps")
-    return WaveformRecord(np.array(volts)[np.newaxis], 1.0, 1.0 / float(steps.mean()))
+    return WaveformRecord(np.array([volts]), 1.0, 1.0 / float(steps.mean()))

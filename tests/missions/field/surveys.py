@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from dirmusic import ElementSpread, PoseError
 from dirmusic.arrays import FloatArray
 from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
+from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report
@@ -19,8 +19,6 @@ from pdpatrol.sensing.radio.surroundings import level_transform
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
 NOISE_V = 1e-3
 FOUR_OF_SIX = tuple(ElementConfig(azimuth_deg=azimuth) for azimuth in (90.0, 30.0, -30.0, -90.0))
-SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
-POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
 
 
 def orbit(n: int, radius_m: float, centre: tuple[float, float], turns: float = 1.0) -> FloatArray:
@@ -58,12 +56,12 @@ def write(path: Path, rows: list[list[float]]) -> Path:
     return path
 
 
-def log_of_table(table: Path, *, noise_v: float | None = None, **options: Any) -> MissionLog:  # noqa: ANN401
-    """Return the log of a table; `options` are passed to `locate_field_data`."""
-    data = read_field_data(table, noise_v=noise_v)
-    return locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, **options)
+def log_of_table(table: Path, **options: Any) -> MissionLog:  # noqa: ANN401
+    """Return the log of a table; `options` are those of the survey."""
+    survey = SurveyOptions(**options)
+    return locate_field_data(read_field_data(table, noise_v=survey.noise_v), survey)
 
 
-def locate(table: Path, *, noise_v: float | None = NOISE_V, fence_m: tuple[float, float] | None = None) -> Report:
-    """Return the report of a table."""
-    return make_report(log_of_table(table, noise_v=noise_v, fence_m=fence_m), 0.0)
+def locate(table: Path, *, noise_v: float | None = NOISE_V, **options: Any) -> Report:  # noqa: ANN401
+    """Return the report of a table; `options` are those of the survey."""
+    return make_report(log_of_table(table, noise_v=noise_v, **options), 0.0)

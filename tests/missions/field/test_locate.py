@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dirmusic import GaussianPattern, read_pattern
+from dirmusic import GaussianPattern
 from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
-from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report, read_report
 from tests.missions.conftest import Refused
-from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD, locate, log_of_table, orbit, survey, write
+from tests.missions.field.surveys import EXAMPLE, locate, log_of_table, orbit, survey, write
 from tests.processes import assert_times_add_up, pdpatrol
 
 SOURCE_M = (11.0, 9.0, 1.5)
@@ -57,9 +55,9 @@ def test_survey_may_begin_at_any_time(tmp_path: Path, start_s: float) -> None:
     assert report.sim_time_s == expected.sim_time_s == 260.0
 
 
-def located(folder: Path, rows: list[list[float]], fence_m: tuple[float, float] | None = None) -> Report:
+def located(folder: Path, rows: list[list[float]], yard_m: tuple[float, float] | None = None) -> Report:
     """Return the report of simulated rows."""
-    return locate(write(folder / "s.csv", rows), fence_m=fence_m)
+    return locate(write(folder / "s.csv", rows), yard_m=yard_m)
 
 
 def miss_m(report: Report, source_m: tuple[float, float, float] = SOURCE_M) -> float:
@@ -72,6 +70,12 @@ def test_one_pulse_per_pose_is_enough(tmp_path: Path, seed: int) -> None:
     report = located(tmp_path, survey(orbit(24, 4.0, (10.0, 10.0), 0.7), SOURCE_M, seed=seed))
     assert len(report.findings) == 1
     assert miss_m(report) < 0.3
+
+
+def test_survey_from_one_pose_lists_its_candidate_once(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("\n".join(EXAMPLE.read_text().splitlines()[:7]))
+    report = locate(tmp_path / "t.csv", noise_v=None)
+    assert (report.findings, [candidate.id for candidate in report.candidates]) == ((), [1])
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -101,7 +105,7 @@ def test_noise_alone_is_not_a_finding(tmp_path: Path) -> None:
 
 def test_source_beyond_the_fence_is_outside(tmp_path: Path) -> None:
     rows = survey(np.repeat(orbit(16, 4.0, (15.0, 10.0)), 4, axis=0), (24.0, 10.0, 1.5), seed=5)
-    report = located(tmp_path, rows, fence_m=(20.0, 20.0))
+    report = located(tmp_path, rows, yard_m=(20.0, 20.0))
     assert report.findings == ()
     assert "outside" in {candidate.state for candidate in report.candidates}
 
@@ -155,12 +159,11 @@ def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
 
 
 def test_measured_pattern_is_used(tmp_path: Path) -> None:
-    data, misses_m = read_field_data(EXAMPLE), list[float]()
+    misses_m = list[float]()
     for sign in (1, -1):
         rows = [f"{a},{float(GaussianPattern()(np.radians(sign * a))):.6f}" for a in range(-179, 180, 2)]
         (tmp_path / "p.csv").write_text("\n".join(["angle_deg,gain", *rows]))
-        array = array_model(data, SPREAD, read_pattern(tmp_path / "p.csv"))
-        misses_m.append(miss_m(make_report(locate_field_data(data, array, POSE_ERROR), 0.0), (14.0, 9.0, 0.0)))
+        misses_m.append(miss_m(locate(EXAMPLE, noise_v=None, pattern=tmp_path / "p.csv"), (14.0, 9.0, 0.0)))
     assert misses_m[0] < 0.3
     assert misses_m[1] > 2.0 * misses_m[0]
 

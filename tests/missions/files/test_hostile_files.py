@@ -8,11 +8,12 @@ import pytest
 
 from dirmusic import InputFileError, InputFileWarning
 from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
+from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import read_report, report_text
-from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.field.surveys import EXAMPLE
 from tests.missions.files import hostile
 
 HEADER = "time_s,x_m,y_m,yaw_deg,waveform"
@@ -25,11 +26,10 @@ def is_accepted(table: Path, recording: Path | None = None) -> bool:
         warnings.simplefilter("ignore", InputFileWarning)
         try:
             data = read_field_data(table, noise_v=1e-3)
-            array = array_model(data, SPREAD)
         except InputFileError as error:
             faults = error.faults
         else:
-            log = locate_field_data(data, array, POSE_ERROR)
+            log = locate_field_data(data, SurveyOptions())
             read_report(report_text(make_report(log, 0.0)))
             if recording is not None:
                 write_recording(log, recording)
