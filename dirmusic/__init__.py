@@ -6,8 +6,8 @@ from dirmusic.array.manifold import GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.array.pattern_file import read_pattern
-from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator, bearings_towards
-from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
+from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator
+from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, bearings_towards, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.input_file import InputFileError, InputFileWarning
 from dirmusic.locating.bearing_fit import PositionEstimate, triangulate

@@ -146,7 +146,7 @@ class ChannelMonitor:
         suspects = self._suspects(self._strengths[:n], self._misfits[:n])
         if suspects:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
-            self.n_bad = int((~self.good).sum())
+            self.n_bad += len(suspects)
             channels = np.flatnonzero(self.good)
             self._misfits[:n] = self._fit(self._strengths[:n, channels], channels).misfit
         return suspects

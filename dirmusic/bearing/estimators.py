@@ -7,15 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from dirmusic.angles import difference, wrap, wrapped
-from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold, ManifoldTable
+from dirmusic.angles import difference, wrap
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 from dirmusic.array.model import ArrayModel
-from dirmusic.arrays import FloatArray, IntArray
-from dirmusic.bearing.maximum_likelihood import TINY, look_up, maximum_likelihood
+from dirmusic.arrays import FloatArray
+from dirmusic.bearing.maximum_likelihood import bearings_towards, maximum_likelihood
 from dirmusic.bearing.sub_bands import sub_band_likelihood
-from dirmusic.compiled import Held, compiled
-from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
-from dirmusic.pulses.strengths import dot
+from dirmusic.pulses.batch import UNKNOWN_STD_RAD, Bearings, PulseBatch
 
 
 class BearingEstimator(Protocol):
@@ -41,110 +39,23 @@ class BearingEstimator(Protocol):
         ...
 
 
-@compiled
-def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> IntArray:
-    r"""Find, for each pulse, the grid direction at which eq. (15), as printed, has its peak.
-
-    The noise subspace of a single pulse a is the orthogonal complement of a, so
-    :math:`P(\theta) = 1 / (\lVert g \rVert^2 - (g^T a)^2 / \lVert a \rVert^2)`.
-
-    Args:
-        strengths: Strengths, shape (n_pulses, n_elements).
-        gain: Gains towards the directions of the grid, not normalised, shape (n_elements, n_directions).
-
-    Returns:
-        Index of the direction, shape (n_pulses,); 0 for a pulse without strength.
-
-    References:
-        Dir-MUSIC, eq. (13)-(15).
-    """
-    (n_pulses, n), n_directions = strengths.shape, gain.shape[1]
-    peak = np.zeros(n_pulses, np.intp)
-    for k in range(n_pulses):
-        energy, deepest = dot(strengths[k], strengths[k]), np.inf
-        if energy == 0.0:
-            continue
-        for j in range(n_directions):
-            norm = match = 0.0
-            for e in range(n):
-                norm += gain[e, j] * gain[e, j]
-                match += gain[e, j] * strengths[k, e]
-            null = norm - match * match / energy
-            if null < deepest:
-                deepest, peak[k] = null, j
-    return peak
-
-
-@compiled
-def judge_directions(
-    azimuth_rad: FloatArray, strengths: FloatArray, variance: FloatArray, table: Held[ManifoldTable]
-) -> Bearings:
-    r"""Compute the misfit of given directions, and their standard deviation due to noise.
-
-    .. math:: \sigma^2 = \frac{\sum_i p_i^2 v_i}{\lVert p \rVert^4 \alpha^2}, \quad p = (I - g g^T / g^T g) g',
-              \quad \alpha = g^T a / g^T g
-
-    Args:
-        azimuth_rad: Directions, array frame, shape (n_pulses,).
-        strengths: Strengths, shape (n_pulses, n_elements), volts.
-        variance: Variance of the strengths, same shape.
-        table: Table of the manifold.
-
-    Returns:
-        Columns of shape (n_pulses,); `NO_DIRECTION` for a pulse without strength.
-    """
-    n_pulses, n = strengths.shape
-    found = Bearings(np.empty(n_pulses), np.empty(n_pulses), np.empty(n_pulses))
-    gain, slope = np.empty(n), np.empty(n)
-    for k in range(n_pulses):
-        total = dot(strengths[k], strengths[k])
-        if total == 0.0:
-            found.azimuth_rad[k], found.std_rad[k], found.misfit[k] = NO_DIRECTION
-            continue
-        look_up(azimuth_rad[k], table.value, gain, slope)
-        energy = dot(gain, gain)
-        along, amplitude = dot(gain, slope) / energy, dot(gain, strengths[k]) / energy
-        perpendicular = spread = bias = 0.0
-        for e in range(n):
-            p = slope[e] - along * gain[e]
-            perpendicular += p * p
-            spread += p * p * variance[k, e]
-            bias += variance[k, e] * gain[e] * gain[e] / (energy * energy)
-        square = amplitude * amplitude
-        signal = max(square - bias, LEAST_SHARE * square) / max(abs(amplitude), TINY)
-        found.azimuth_rad[k] = wrapped(azimuth_rad[k])
-        found.std_rad[k] = min(np.sqrt(spread) / ((perpendicular + TINY) * max(signal, TINY)), UNKNOWN_STD_RAD)
-        found.misfit[k] = min(max(1.0 - square * energy / total, 0.0), 1.0)
-    return found
-
-
 GRID_RAD = np.radians(np.arange(1.0, 361.0))
 """Search grid of the paper, in steps of 1 degree."""
 
 
-def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Compute the misfit of directions found by any method, and their standard deviation due to noise.
-
-    Args:
-        azimuth_rad: Direction of each pulse, array frame, shape (n_pulses,).
-        pulses: Pulses.
-        array: Nominal array of the channels of the pulses.
-
-    Returns:
-        The directions with their standard deviations due to noise alone; an estimator adds the error of its method.
-    """
-    return judge_directions(azimuth_rad, pulses.strengths_v, pulses.variance_v2, array.manifold.held_table)
-
-
 def music(pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Estimate directions as in the paper: the peak of eq. (15), as printed, on a 1 degree grid.
+    r"""Estimate directions as in the paper: the peak of eq. (15), as printed, on a 1 degree grid.
 
-    The standard deviation includes noise and rounding to the grid.
+    The noise subspace of a single pulse a is the orthogonal complement of a, so the peak is where
+    :math:`\lVert g \rVert^2 \lVert a \rVert^2 - (g^T a)^2` is smallest. The standard deviation includes noise and
+    rounding to the grid.
 
     References:
-        Dir-MUSIC, eq. (15) and section 3.1.
+        Dir-MUSIC, eq. (13)-(15) and section 3.1.
     """
-    peak = spectrum_peaks_on_grid(pulses.strengths_v, _grid_gain(array.manifold))
+    gain, strengths_v = _grid_gain(array.manifold), pulses.strengths_v
+    power = np.square(strengths_v).sum(axis=-1, keepdims=True) * np.square(gain).sum(axis=0)
+    peak = (power - np.square(np.einsum("ke,ej->kj", strengths_v, gain))).argmin(axis=-1)
     rounding_std_rad = np.radians(1.0) / np.sqrt(12.0)
     return _with_deviation(bearings_towards(GRID_RAD[peak], pulses, array), rounding_std_rad)
 
@@ -167,7 +78,7 @@ def _with_deviation(found: Bearings, method_std_rad: FloatArray | float) -> Bear
 
 @lru_cache(maxsize=64)
 def _grid_gain(manifold: GainManifold) -> FloatArray:
-    return np.ascontiguousarray(manifold.gain(GRID_RAD))
+    return manifold.gain(GRID_RAD)
 
 
 @lru_cache(maxsize=64)

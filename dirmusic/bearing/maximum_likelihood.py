@@ -15,6 +15,7 @@ from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import cubic
 from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.bearing.spectrum import check_covariance
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
@@ -58,8 +59,7 @@ def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: F
 @compiled_inner
 def best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: FloatArray) -> int:
     """Find the search azimuth whose unit gain u maximises u^T R u; `match` is scratch memory."""
-    for j in range(match.size):
-        match[j] = 0.0
+    match[:] = 0.0
     pair = 0
     for e in range(covariance.shape[0]):
         for f in range(e + 1):
@@ -67,11 +67,7 @@ def best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: F
             for j in range(match.size):
                 match[j] += weight * unit_pairs[pair, j]
             pair += 1
-    best = 0
-    for j in range(match.size):
-        if match[j] > match[best]:
-            best = j
-    return best
+    return int(np.argmax(match))
 
 
 @compiled
@@ -81,11 +77,16 @@ def fit_pulses(
     total_variance: FloatArray,
     held_table: Held[ManifoldTable],
     silence: tuple[float, float, float],
+    given_rad: FloatArray,
 ) -> Fit:
-    """Find the best search azimuth of each row of pulses and refine it by Gauss-Newton within one search step.
+    r"""Find the best search azimuth of each row of pulses and refine it by Gauss-Newton within one search step.
 
     The amplitude is projected out: only the component of the slope orthogonal to the gain matters,
-    :math:`p = (I - g g^T / g^T g) g'`. At a kink of the pattern (eq. (1) has one where its angle wraps from 360 to 0
+    :math:`p = (I - g g^T / g^T g) g'`. For one pulse of variance v, the standard deviation due to noise is
+
+    .. math:: \sigma^2 = \frac{\sum_i p_i^2 v_i}{\lVert p \rVert^4 \alpha^2}, \quad \alpha = g^T a / g^T g
+
+    At a kink of the pattern (eq. (1) has one where its angle wraps from 360 to 0
     degrees), the steps may end on the other side of the kink; the error is equally large on either side.
 
     Args:
@@ -94,6 +95,7 @@ def fit_pulses(
         total_variance: Sum of the variances of the pulses of a row, shape (n_rows, n_elements).
         held_table: Table of the manifold.
         silence: Azimuth, standard deviation and misfit to return for rows without strength.
+        given_rad: Azimuths to use instead of the best ones, shape (n_rows,); empty to find the best ones.
 
     Returns:
         The fits, with azimuths in (-pi, pi].
@@ -115,7 +117,10 @@ def fit_pulses(
         if not total > 0.0:
             bearings.azimuth_rad[row], bearings.std_rad[row], bearings.misfit[row] = silence
             continue
-        start_rad = SEARCH_STEP_RAD * best_search_azimuth(covariance, table.unit_pairs, match)
+        if given_rad.size:
+            start_rad = given_rad[row]
+        else:
+            start_rad = SEARCH_STEP_RAD * best_search_azimuth(covariance, table.unit_pairs, match)
         azimuth_rad, energy, amplitude_energy = start_rad, 0.0, 0.0
         for _ in range(REFINEMENTS + 1):
             look_up(azimuth_rad, table, gain, slope)
@@ -126,7 +131,7 @@ def fit_pulses(
                 data[e] = dot(covariance[e], gain) / energy
             amplitude_energy = dot(data, gain) / energy
             weight = (dot(across, across) + TINY) * amplitude_energy
-            if weight > 0.0:
+            if weight > 0.0 and given_rad.size == 0:
                 azimuth_rad += dot(across, data) / weight
             azimuth_rad = min(max(azimuth_rad, start_rad - SEARCH_STEP_RAD), start_rad + SEARCH_STEP_RAD)
         for k in range(n_pulses):
@@ -189,11 +194,25 @@ def bearing_posterior(
     return wrap(start_rad + mean), np.sqrt(spread)
 
 
+def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    """Compute the misfit of directions found by any method, and their standard deviation due to noise.
+
+    Args:
+        azimuth_rad: Direction of each pulse, array frame, shape (n_pulses,).
+        pulses: Pulses.
+        array: Nominal array of the channels of the pulses.
+
+    Returns:
+        The directions with their standard deviations due to noise alone; an estimator adds the error of its method.
+    """
+    strengths, variance = (np.ascontiguousarray(values) for values in (pulses.strengths_v, pulses.variance_v2))
+    pulse, noise, table = strengths[:, np.newaxis], variance[:, np.newaxis], array.manifold.held_table
+    return fit_pulses(pulse, noise, variance, table, NO_DIRECTION, azimuth_rad).bearings
+
+
 def maximum_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
     """Estimate the direction of each pulse by maximum likelihood: the default `BearingEstimator`."""
-    strengths, variance = (np.ascontiguousarray(values) for values in (pulses.strengths_v, pulses.variance_v2))
-    table = array.manifold.held_table
-    return fit_pulses(strengths[:, np.newaxis], variance[:, np.newaxis], variance, table, NO_DIRECTION).bearings
+    return bearings_towards(np.empty(0), pulses, array)
 
 
 def estimate_bearings(
@@ -240,13 +259,9 @@ def estimate_bearings(
             "channels from the strengths, and from the manifold with `manifold.take`"
         )
 
-    variance = np.zeros(()) if strength_variance is None else np.asarray(strength_variance, dtype=np.float64)
-    pulses, variance = (
-        np.array(values, order="C").reshape(math.prod(a.shape[:-2]), *a.shape[-2:])
-        for values in np.broadcast_arrays(a, variance)
-    )
-    found = _find_bearings(pulses, variance, variance.sum(axis=1), manifold, prior, strength_variance is not None)
-    return Bearings(*(column.reshape(a.shape[:-2]) for column in found))
+    unknown = np.nan if prior is None else 0.0
+    variance = np.broadcast_to(unknown if strength_variance is None else strength_variance, a.shape)
+    return _find_bearings(a, variance, variance.sum(axis=-2), manifold, prior)
 
 
 def bearings_from_covariance(
@@ -278,22 +293,18 @@ def bearings_from_covariance(
     """
     r = np.asarray(covariance, dtype=np.float64)
     n = manifold.n_elements
-    if r.ndim < 2 or r.shape[-2:] != (n, n):
+    if check_covariance(r) != n:
         raise ValueError(f"`covariance` must have shape (..., {n}, {n}) to match `manifold`, got {r.shape}")
-    if not np.isfinite(r).all():
-        raise ValueError("`covariance` must be finite; drop the broken record or channel first")
     if n_snapshots < 1:
         raise ValueError(f"`n_snapshots` must be 1 or more, got {n_snapshots}")
 
-    shape = r.shape[:-2]
-    values, vectors = np.linalg.eigh(n_snapshots * r.reshape(-1, n, n))
+    values, vectors = np.linalg.eigh(n_snapshots * r)
     root = np.sqrt(np.maximum(values, 0.0))[..., np.newaxis]
-    components = np.ascontiguousarray(root * np.swapaxes(vectors, -1, -2))  # equivalent to the strengths of n pulses
-    variance_v2 = np.zeros(()) if noise_variance is None else np.asarray(noise_variance, dtype=np.float64)
-    variance = np.broadcast_to(variance_v2, shape).reshape(-1, 1, 1) * np.ones((n, n))
-    total_variance = n_snapshots * variance[:, 0]
-    found = _find_bearings(components, variance, total_variance, manifold, prior, noise_variance is not None)
-    return Bearings(*(column.reshape(shape) for column in found))
+    components = root * np.swapaxes(vectors, -1, -2)  # equivalent to the strengths of n pulses
+    unknown = np.nan if prior is None else 0.0
+    variance_v2 = np.asarray(unknown if noise_variance is None else noise_variance)[..., np.newaxis, np.newaxis]
+    variance = np.broadcast_to(variance_v2, r.shape)
+    return _find_bearings(components, variance, n_snapshots * variance[..., 0, :], manifold, prior)
 
 
 def _find_bearings(
@@ -302,18 +313,20 @@ def _find_bearings(
     total_variance: FloatArray,
     manifold: GainManifold,
     prior: ManifoldPrior | None,
-    is_noise_known: bool,
 ) -> Bearings:
-    """Compute bearings by `fit_pulses` or, with a prior, from the posterior.
+    """Compute bearings of the leading shape (...) by `fit_pulses` or, with a prior, from the posterior.
 
-    Standard deviations are NaN if neither the noise nor a prior is known.
+    The arguments are those of `fit_pulses` with more leading axes. A variance of NaN makes the standard deviation NaN.
     """
-    fit = fit_pulses(strengths, variance, total_variance, manifold.held_table, (np.nan, np.nan, np.nan))
-    if prior is None and not is_noise_known:
-        fit.bearings.std_rad[:] = np.nan
+    shape = strengths.shape[:-2]
+    pulses, noise, total_noise = (
+        np.array(values, dtype=np.float64, order="C").reshape(math.prod(shape), *values.shape[len(shape) :])
+        for values in (strengths, variance, total_variance)
+    )
+    fit = fit_pulses(pulses, noise, total_noise, manifold.held_table, (np.nan, np.nan, np.nan), np.empty(0))
     if prior is not None:
         seen = np.flatnonzero(np.isfinite(fit.bearings.misfit))
         for first in range(0, seen.size, 128):  # chunks that take about 10 MB
             rows = seen[first : first + 128]
             fit.bearings.azimuth_rad[rows], fit.bearings.std_rad[rows] = bearing_posterior(fit, manifold, prior, rows)
-    return fit.bearings
+    return Bearings(*(column.reshape(shape) for column in fit.bearings))

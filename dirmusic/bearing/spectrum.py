@@ -26,7 +26,7 @@ def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
     References:
         Dir-MUSIC, eq. (8)-(14).
     """
-    n_elements = _check_covariance(covariance)
+    n_elements = check_covariance(covariance)
     if not 1 <= n_sources < n_elements:
         raise ValueError(
             f"`n_sources` must be in [1, {n_elements - 1}] for {n_elements} elements, got {n_sources}: "
@@ -157,7 +157,7 @@ def source_count(covariance: FloatArray, n_snapshots: int) -> IntArray:
         Wax and Kailath, "Detection of signals by information theoretic criteria", 1985, with the number of free
         parameters of a real covariance.
     """
-    n_elements = _check_covariance(covariance)
+    n_elements = check_covariance(covariance)
     if n_snapshots < n_elements:
         raise ValueError(f"`n_snapshots` must be at least the {n_elements} elements, got {n_snapshots}")
     eigenvalues = np.linalg.eigvalsh(covariance)  # ascending
@@ -171,7 +171,7 @@ def source_count(covariance: FloatArray, n_snapshots: int) -> IntArray:
     return n_elements - 1 - np.argmin(misfit + penalty, axis=-1)
 
 
-def _check_covariance(covariance: FloatArray) -> int:
+def check_covariance(covariance: FloatArray) -> int:
     """Check that a covariance is square and finite, and return its number of elements."""
     n_elements = covariance.shape[-1]
     if covariance.ndim < 2 or covariance.shape[-2] != n_elements:

@@ -119,7 +119,7 @@ def sub_band_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
     if not array.band_manifolds or 2 * pulses.band_strengths_v.shape[1] != len(array.band_manifolds):
         return maximum_likelihood(pulses, array)
     tables = band_tables(array.band_manifolds)
-    return bearings_of_bands(pulses.band_strengths_v, pulses.band_variance_v2, tables, NO_DIRECTION)
+    return bearings_of_bands(pulses.band_strengths_v, pulses.band_variance_v2, tables)
 
 
 @compiled_inner
@@ -211,19 +211,16 @@ def fit_bands(
 
 
 @compiled
-def bearings_of_bands(
-    strengths: FloatArray, variance: FloatArray, tables: Held[BandTables], silence: tuple[float, float, float]
-) -> Bearings:
+def bearings_of_bands(strengths: FloatArray, variance: FloatArray, tables: Held[BandTables]) -> Bearings:
     """Compute maximum-likelihood directions of pulses, with their standard deviations and misfits.
 
     Args:
         strengths: Strengths, shape (n_pulses, n_bands, n_elements).
         variance: Variance of the strengths, same shape.
         tables: Tables of the manifolds.
-        silence: Azimuth, standard deviation and misfit to return for pulses without strength.
 
     Returns:
-        Columns of shape (n_pulses,), with azimuths in (-pi, pi].
+        Columns of shape (n_pulses,), with azimuths in (-pi, pi]; `NO_DIRECTION` for pulses without strength.
     """
     of = tables.value
     n_pulses, n_bands, n = strengths.shape
@@ -243,22 +240,20 @@ def bearings_of_bands(
                     along += strengths[k, b, e] * of.unit[b, e, j]
                 match[j] += trust[b] * along * along
         if energy == 0.0:
-            found.azimuth_rad[k], found.std_rad[k], found.misfit[k] = silence
+            found.azimuth_rad[k], found.std_rad[k], found.misfit[k] = NO_DIRECTION
             continue
         start_rad = SEARCH_STEP_RAD * int(np.argmax(match))
         azimuth_rad = start_rad
         upper[:] = 0.5
-        turn, weight, spread, signal, explained = fit_bands(
-            azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of
-        )
-        for _ in range(REFINEMENTS + 1):
+        turn = weight = spread = signal = explained = 0.0
+        for _ in range(REFINEMENTS + 2):
             if weight > 0.0:
                 azimuth_rad += turn / weight
             azimuth_rad = min(max(azimuth_rad, start_rad - SEARCH_STEP_RAD), start_rad + SEARCH_STEP_RAD)
-            upper_shares(power_v2, upper)
             turn, weight, spread, signal, explained = fit_bands(
                 azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of
             )
+            upper_shares(power_v2, upper)
         found.azimuth_rad[k] = wrapped(azimuth_rad)
         found.std_rad[k] = min(np.sqrt(spread) / max(signal, TINY), UNKNOWN_STD_RAD)
         found.misfit[k] = min(max(1.0 - explained / energy, 0.0), 1.0)
