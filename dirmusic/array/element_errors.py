@@ -88,8 +88,7 @@ class ElementSpread:
 
     def __post_init__(self) -> None:
         """Check that the standard deviations are valid."""
-        for name in ("gain", "pointing_rad", "offset", "pattern", "unexplained"):
-            value = getattr(self, name)
+        for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"`{name}` must be a standard deviation, finite and >= 0, got {value!r}")
 
@@ -129,7 +128,7 @@ class UniformOffsets:
 
     def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
         """Compute the variance of each gain; see `ElementSpread.variance`."""
-        return np.broadcast_to(np.float64(self.half_width**2 / 3), np.broadcast_shapes(gain.shape, slope.shape))
+        return np.full(np.broadcast_shapes(gain.shape, slope.shape), self.half_width**2 / 3)
 
     def log_density(
         self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray

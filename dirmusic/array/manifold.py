@@ -93,7 +93,7 @@ class GainManifold:
             )
         self.boresights_rad = boresights
         self.boresight_elevations_rad, self.gain_factors, self.gain_offsets = (
-            np.array(np.broadcast_to(np.asarray(each, dtype=np.float64), boresights.shape))
+            np.full(boresights.shape, each, dtype=np.float64)
             for each in (boresight_elevations_rad, gain_factors, gain_offsets)
         )
         self._of_elements = {

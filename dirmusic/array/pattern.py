@@ -56,13 +56,13 @@ class GaussianPattern(GainPattern):
         """Compute the gain and its slope per radian; see `GainPattern`."""
         angle_deg = 207.0 + np.degrees(np.asarray(off_boresight_rad, dtype=np.float64))
         angle_deg = angle_deg - 360.0 * np.floor(angle_deg / 360.0)
-        amplitude, centre_deg, width_deg = (
-            np.reshape(each, (3, *(1,) * angle_deg.ndim))
-            for each in ([0.5255, 0.3405, 0.6251], [218.1, 304.8, 156.1], [51.73, 41.0, 109.1])
-        )
-        off = (angle_deg - centre_deg) / width_deg
-        terms = amplitude * np.exp(-(off * off))
-        return terms.sum(axis=0), (-2.0 * np.degrees(1.0) / width_deg * off * terms).sum(axis=0)
+        gain, slope = np.zeros((2, *angle_deg.shape))
+        for amplitude, centre_deg, width_deg in ((0.5255, 218.1, 51.73), (0.3405, 304.8, 41.0), (0.6251, 156.1, 109.1)):
+            off = (angle_deg - centre_deg) / width_deg
+            term = amplitude * np.exp(-(off * off))
+            gain += term
+            slope -= 2.0 * np.degrees(1.0) / width_deg * off * term
+        return gain, slope
 
 
 MAX_GAP_RAD = np.radians(30.0)
@@ -94,7 +94,8 @@ class TabulatedPattern(GainPattern):
             raise ValueError("`off_boresight_rad` must be finite and strictly increasing within one turn (2 pi)")
         if not (np.isfinite(value).all() and np.all(value > 0)):
             raise ValueError("`gain` must be finite and positive: it is an amplitude ratio, not decibels")
-        steps = np.diff(np.append(angle, angle[0] + 2 * np.pi))
+        closed_angle = np.append(angle, angle[0] + 2 * np.pi)
+        steps = np.diff(closed_angle)
         widest = int(steps.argmax())
         if steps[widest] > min(MAX_GAP_RAD, MAX_GAP_STEPS * float(np.median(steps))) * (1 + 1e-9):
             raise ValueError(
@@ -103,7 +104,6 @@ class TabulatedPattern(GainPattern):
                 f"of {np.degrees(steps[widest]):.1f} degrees after {np.degrees(angle[widest]):.1f} degrees"
             )
         self._start = angle[0]
-        closed_angle = np.append(angle, angle[0] + 2 * np.pi)
         self._spline = scipy.interpolate.CubicSpline(closed_angle, np.append(value, value[0]), bc_type="periodic")
         self._slope = self._spline.derivative()
         for array in (angle, value):
@@ -158,12 +158,8 @@ def gain_in_space(
     tilt = np.asarray(boresight_elevation_rad, dtype=np.float64)
     cos_off, sin_off, cos_up, sin_up = np.cos(off), np.sin(off), np.cos(elevation), np.sin(elevation)
     level, left = cos_up * cos_off, cos_up * sin_off  # components in the frame of the boresight's azimuth
-    ahead, up, ahead_by_elevation = level, sin_up, sin_up * cos_off  # in the frame of the boresight; the last negated
-    is_tilted = bool(tilt.any())
     cos_tilt, sin_tilt = np.cos(tilt), np.sin(tilt)
-    if is_tilted:
-        ahead, up = cos_tilt * level + sin_tilt * sin_up, cos_tilt * sin_up - sin_tilt * level
-        ahead_by_elevation = cos_tilt * ahead_by_elevation - sin_tilt * cos_up
+    ahead, up = cos_tilt * level + sin_tilt * sin_up, cos_tilt * sin_up - sin_tilt * level  # in that of the boresight
     sin_psi = np.sqrt(np.maximum(1.0 - np.square(ahead), 0.0))
     psi = np.arctan2(np.hypot(left, up), ahead)
     on_axis = sin_psi < NEAR_AXIS
@@ -173,11 +169,9 @@ def gain_in_space(
     gain = 0.5 * ((1 + cos_roll) * to_left + (1 - cos_roll) * to_right)
     by_psi = 0.5 * ((1 + cos_roll) * slope_left - (1 - cos_roll) * slope_right)
     by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll
-    psi_by_azimuth, left_by_azimuth = cos_roll, ahead * (1.0 - np.square(cos_roll))
-    if is_tilted:
-        psi_by_azimuth, left_by_azimuth = cos_tilt * cos_roll, level - cos_tilt * ahead * np.square(cos_roll)
-    roll_by_azimuth = np.where(on_axis, 0.0, left_by_azimuth / across)
-    psi_by_elevation = np.where(on_axis, 0.0, ahead_by_elevation / across)
+    psi_by_azimuth = cos_tilt * cos_roll
+    roll_by_azimuth = np.where(on_axis, 0.0, (level - psi_by_azimuth * ahead * cos_roll) / across)
+    psi_by_elevation = np.where(on_axis, 0.0, (cos_tilt * sin_up * cos_off - sin_tilt * cos_up) / across)
     roll_by_elevation = np.where(on_axis, 0.0, -(sin_up * sin_off + cos_roll * ahead * psi_by_elevation) / across)
     by_azimuth = by_psi * psi_by_azimuth + by_roll * roll_by_azimuth
     return SpatialGain(gain, by_azimuth, by_psi * psi_by_elevation + by_roll * roll_by_elevation)
@@ -232,16 +226,22 @@ def as_boresights(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatAr
     return np.stack([f(angle) for angle in (azimuth_rad, elevation_rad) for f in (np.cos, np.sin)], axis=-1)
 
 
-@compiled
-def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
-    """Compute the gain of an element along the vector (x, y, z), z up, of any length; see `gain_in_space`."""
+@compiled_inner
+def _frame_of_boresight(boresight: Boresight, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Compute components of a vector: level and to the left of the azimuth of a boresight, along it, and across it."""
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
     left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
     ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
     up = boresight.cos_elevation * z - boresight.sin_elevation * level
-    sin_psi = np.sqrt(left * left + up * up)
-    psi = np.arctan2(sin_psi, ahead)
-    half_roll = 0.5 * left / max(sin_psi, NEAR_AXIS)
+    return level, left, ahead, math.sqrt(left * left + up * up)
+
+
+@compiled
+def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
+    """Compute the gain of an element along the vector (x, y, z), z up, of any length; see `gain_in_space`."""
+    _, left, ahead, across = _frame_of_boresight(boresight, x, y, z)
+    psi = math.atan2(across, ahead)
+    half_roll = 0.5 * left / max(across, NEAR_AXIS)
     to_left, _ = pattern_gain_and_slope(pattern, psi)
     to_right, _ = pattern_gain_and_slope(pattern, -psi)
     return (0.5 + half_roll) * to_left + (0.5 - half_roll) * to_right
@@ -253,11 +253,7 @@ def gain_and_slopes_towards(
 ) -> tuple[float, float, float]:
     """Compute the gain along the unit vector (x, y, z) and its slopes per radian of azimuth and elevation."""
     sideways = max(math.hypot(x, y), NEAR_AXIS)
-    level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
-    left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
-    ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
-    up = boresight.cos_elevation * z - boresight.sin_elevation * level
-    sin_psi = math.sqrt(left * left + up * up)
+    level, left, ahead, sin_psi = _frame_of_boresight(boresight, x, y, z)
     psi = math.atan2(sin_psi, ahead)
     to_left, slope_left = pattern_gain_and_slope(pattern, psi)
     to_right, slope_right = pattern_gain_and_slope(pattern, -psi)

@@ -80,20 +80,10 @@ class PulseBatch(NamedTuple):
     @classmethod
     def room(cls, n_pulses: int, n_elements: int, n_bands: int = 0) -> Self:
         """Allocate arrays of pulses, to be filled by a compiled function."""
-        shape = n_pulses, n_elements
-        return cls(
-            np.empty(n_pulses),
-            np.empty(shape),
-            np.empty(shape),
-            np.empty(n_pulses),
-            np.empty(n_pulses),
-            np.empty(n_pulses),
-            np.empty(shape, dtype=np.bool_),
-            np.empty(n_pulses),
-            np.empty(shape, dtype=np.bool_),
-            np.empty((n_pulses, n_bands, n_elements)),
-            np.empty((n_pulses, n_bands, n_elements)),
-        )
+        strengths, variance = np.empty((2, n_pulses, n_elements))
+        bands, band_variance = np.empty((2, n_pulses, n_bands, n_elements))
+        time_s = np.empty(n_pulses)
+        return cls.detected(time_s, strengths, variance, band_strengths_v=bands, band_variance_v2=band_variance)
 
     @classmethod
     def none(cls, n_elements: int, n_bands: int = 0) -> Self:
@@ -171,7 +161,3 @@ class Bearings(NamedTuple):
     def attached_to(self, pulses: PulseBatch) -> PulseBatch:
         """Return the pulses with these directions, one for each."""
         return pulses._replace(azimuth_rad=self.azimuth_rad, std_rad=self.std_rad, misfit=self.misfit)
-
-    def take(self, rows: slice | BoolArray) -> Bearings:
-        """Select directions by slice or mask."""
-        return Bearings(self.azimuth_rad[rows], self.std_rad[rows], self.misfit[rows])

@@ -29,30 +29,33 @@ class Cluster:
         width_deg: Standard deviation of the phase.
         level_db: Level of the pulses relative to the typical level of the kind.
         spread_db: Standard deviation of the level.
-        polarity: Sign of the pulses.
     """
 
     share: float
     centre_deg: float
     width_deg: float
-    level_db: float
+    level_db: float = 0.0
     spread_db: float
-    polarity: int
+
+    @property
+    def polarity(self) -> int:
+        """Sign of the pulses, which is that of the voltage across the defect."""
+        return 1 if self.centre_deg < 180.0 else -1
 
 
 KINDS: dict[KindName, tuple[Cluster, ...]] = {
-    "corona": (Cluster(share=1.0, centre_deg=270, width_deg=14, level_db=0.0, spread_db=0.7, polarity=-1),),
+    "corona": (Cluster(share=1.0, centre_deg=270, width_deg=14, spread_db=0.7),),
     "void": (
-        Cluster(share=0.5, centre_deg=45, width_deg=20, level_db=0.0, spread_db=3.0, polarity=1),
-        Cluster(share=0.5, centre_deg=225, width_deg=20, level_db=0.0, spread_db=3.0, polarity=-1),
+        Cluster(share=0.5, centre_deg=45, width_deg=20, spread_db=3.0),
+        Cluster(share=0.5, centre_deg=225, width_deg=20, spread_db=3.0),
     ),
     "surface": (
-        Cluster(share=0.4, centre_deg=55, width_deg=28, level_db=4.0, spread_db=4.0, polarity=1),
-        Cluster(share=0.6, centre_deg=235, width_deg=28, level_db=-4.0, spread_db=4.0, polarity=-1),
+        Cluster(share=0.4, centre_deg=55, width_deg=28, level_db=4.0, spread_db=4.0),
+        Cluster(share=0.6, centre_deg=235, width_deg=28, level_db=-4.0, spread_db=4.0),
     ),
     "floating": (
-        Cluster(share=0.5, centre_deg=60, width_deg=7, level_db=0.0, spread_db=0.7, polarity=1),
-        Cluster(share=0.5, centre_deg=240, width_deg=7, level_db=0.0, spread_db=0.7, polarity=-1),
+        Cluster(share=0.5, centre_deg=60, width_deg=7, spread_db=0.7),
+        Cluster(share=0.5, centre_deg=240, width_deg=7, spread_db=0.7),
     ),
 }
 """Clusters of each kind of discharge.
