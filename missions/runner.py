@@ -172,7 +172,7 @@ class Mission:
             return
         with on("environment"):
             self._observation, _, terminated, truncated, info = self.env.step(action)
-        step = self.log.append(
+        self.log.append(
             "step",
             time_s=info["time_s"],
             pose=info["believed_pose"],
@@ -183,13 +183,13 @@ class Mission:
             phase=self.policy.phase.name,
             phase_target=self.policy.phase.target,
         )
-        self.log.append("scan", step=step, range_m=np.round(self._observation["lidar"], 3))
+        self.log.append("scan", step=self.log.last_step, range_m=np.round(self._observation["lidar"], 3))
         for suspect in info["suspects"]:
             self.log.event("channel fault", f"{suspect}: not used from here on")
         with on("locating"):
             self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
         self._log_events(info)
-        if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
+        if self.folder is not None and self.log.n_rows("step") % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
         if info["fell_over"]:
             self.end("fell over")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from pdpatrol.missions.record.events import EventKind
 
 SCHEMA = 5
 
-_COLUMNS: dict[str, dict[str, str]] = {
+TABLES: dict[str, dict[str, str]] = {
     "step": {
         "time_s": "f8",
         "pose": "3f8",  # estimated x m, y m, yaw rad, world frame, at the end of the step
@@ -34,7 +34,7 @@ _COLUMNS: dict[str, dict[str, str]] = {
     },
     "pulse": {
         "step": "i8",
-        "strengths_v": "f8",  # one value per element: (n, n_elements)
+        "strengths_v": "(0,)f8",  # one value per element
         "mains_phase_rad": "f8",
         "is_clipped": "?",  # exceeded the ADC's full scale; not used for locating
         "is_credible": "?",  # consistent with a single plane wave
@@ -47,7 +47,7 @@ _COLUMNS: dict[str, dict[str, str]] = {
     },
     "scan": {  # lidar; empty for field data
         "step": "i8",
-        "range_m": "f4",  # one value per beam: (n, n_beams), first ahead, then counter-clockwise; see `meta`
+        "range_m": "(0,)f4",  # one value per beam, first ahead, then counter-clockwise; see `meta`
     },
     "finding": {
         "step": "i8",
@@ -62,7 +62,7 @@ _COLUMNS: dict[str, dict[str, str]] = {
     },
     "likelihood": {  # likelihood over the yard by all credible pulses so far
         "step": "i8",
-        "log_likelihood": "f4",  # one value per cell of `log_contents.grid_of`: (n, n_cells)
+        "log_likelihood": "(0,)f4",  # one value per cell of `log_contents.grid_of`
     },
     "association": {  # written at the end; empty for a killed mission
         "pulse": "i8",  # row in the pulse table
@@ -76,11 +76,11 @@ _COLUMNS: dict[str, dict[str, str]] = {
         "text": "U",  # one sentence for people
     },
 }
+"""Every table, its columns and their types. Step i covers the time up to `step.time_s[i]`; other tables refer to a step
+by its row.
 
-TABLES = {table: {column: np.dtype(spec) for column, spec in columns.items()} for table, columns in _COLUMNS.items()}
-"""Every table and its columns. Step i covers the time up to `step.time_s[i]`; other tables refer to a step by its row.
-
-Text columns have no width: NumPy chooses the width of the longest text, so nothing is cut.
+Rows of shape (0,) have one value per element, beam or cell. Text columns have no width: NumPy chooses the width of the
+longest text, so nothing is cut.
 """
 
 
@@ -104,14 +104,23 @@ class MissionLog:
         """Row of the last step; 0 before the first."""
         return max(self.n_rows("step") - 1, 0)
 
-    def append(self, table: str, **row: Any) -> int:  # noqa: ANN401 - a row's values are of many types
-        """Add one row, with all columns of the table, and return its number."""
-        columns = self._rows[table]
-        if row.keys() != columns.keys():
-            raise ValueError(f"a row of `{table}` has the columns {', '.join(columns)}; got {', '.join(row)}")
-        for column, value in row.items():
-            columns[column].append(value)
-        return self.n_rows(table) - 1
+    def append(self, table: str, **row: Any) -> None:  # noqa: ANN401 - a row's values are of many types
+        """Add one row, with all columns of the table."""
+        self.extend(table, **{column: [value] for column, value in row.items()})
+
+    def extend(self, table: str, **columns: Sequence[Any] | NDArray[Any]) -> None:
+        """Add rows, given by all columns of the table.
+
+        Raises:
+            ValueError: If the table has other columns, or the columns have different lengths.
+        """
+        rows = self._rows[table]
+        if columns.keys() != rows.keys():
+            raise ValueError(f"a row of `{table}` has the columns {', '.join(rows)}; got {', '.join(columns)}")
+        if len({len(values) for values in columns.values()}) != 1:
+            raise ValueError(f"the columns of table {table} have different lengths")
+        for column, values in columns.items():
+            rows[column].extend(values)
 
     def event(self, kind: EventKind, text: str, number: int = 0, subject: str = "") -> None:
         """Add something that happened in the last step.
@@ -138,12 +147,9 @@ class MissionLog:
 
     def column(self, table: str, column: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
         """Return the rows from `start` up to `stop` of one column as an array, rows on the first axis."""
-        dtype = TABLES[table][column]
-        values = self._rows[table][column][start:stop]
-        if not values:
-            shape = (self.meta.get("n_elements", 0),) if column == "strengths_v" else dtype.shape
-            return np.empty((0, *shape), dtype=dtype.base)
-        return np.array(values, dtype=dtype.base)
+        dtype = np.dtype(TABLES[table][column])
+        shape = (self.meta["n_elements"],) if column == "strengths_v" else dtype.shape
+        return np.array(self._rows[table][column][start:stop] or np.empty((0, *shape)), dtype=dtype.base)
 
     def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:
         """Return the rows from `start` up to `stop` of all columns of a table."""
@@ -161,7 +167,7 @@ class MissionLog:
         """Write the rows since the last part, so that a killed mission keeps them."""
         parts = folder / "log.parts"
         parts.mkdir(exist_ok=True)
-        self._write(parts / f"part-{len(list(parts.glob('part-*.npz'))):05d}.npz", self._written)
+        self._write(parts / f"part-{self.n_rows('step'):08d}.npz", self._written)
         self._written = {table: self.n_rows(table) for table in TABLES}
 
     def save(self, folder: Path) -> None:
@@ -185,9 +191,15 @@ class MissionLog:
         log: MissionLog | None = None
         for file in files:
             try:
-                meta, tables = _read(file)
-                log = log or cls(meta)
-                log._extend(tables)
+                with file.open("rb") as opened, np.load(opened, allow_pickle=False) as archive:
+                    n_bytes = sum(member.file_size for member in archive.zip.infolist())
+                    if n_bytes > 4e9:  # assumed; ten million pulses fit
+                        raise ValueError(f"{n_bytes / 1e9:.1f} GB after decompression, the limit is 4 GB")
+                    meta = json.loads(str(archive["meta"]))
+                    if meta.get("schema") != SCHEMA:
+                        raise ValueError(f"no metadata of schema {SCHEMA}, which this version reads")
+                    log = log or cls(meta)
+                    log._add(archive)
             except Exception as error:  # damaged archives and array headers raise many types
                 reason = " ".join(str(error).split())
                 raise ValueError(
@@ -196,47 +208,22 @@ class MissionLog:
         assert log is not None
         return log
 
-    def _extend(self, tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+    def _add(self, archive: Mapping[str, NDArray[Any]]) -> None:
         """Add the rows of a file.
 
         Raises:
-            ValueError: If a row refers to a missing row of another table.
+            Exception: If the file does not have all tables, with the right types and references to existing rows.
         """
-        for table, columns in tables.items():
-            for column, values in columns.items():
-                self._rows[table][column].extend(values)
-        for table in tables.keys() - {"event"}:  # rows before the first step refer to step 0
-            for other in tables.keys() & TABLES[table].keys() - {"finding"}:  # `association.finding` is an id
+        for table, columns in TABLES.items():
+            arrays = {column: archive[f"{table}.{column}"] for column in columns}
+            for column, values in arrays.items():
+                dtype = np.dtype(columns[column])
+                is_right = values.ndim == 2 if dtype.shape == (0,) else values.shape[1:] == dtype.shape
+                if values.dtype.kind != dtype.base.kind or (len(values) and not is_right):
+                    raise ValueError(f"{table}.{column} holds {values.dtype} in rows of shape {values.shape[1:]}")
+            self.extend(table, **arrays)
+        for table in TABLES.keys() - {"event"}:  # rows before the first step refer to step 0
+            for other in TABLES.keys() & TABLES[table].keys() - {"finding"}:  # `association.finding` is an id
                 rows = self.column(table, other)
-                if rows.size and not (rows.min() >= 0 and rows.max() < self.n_rows(other)):
+                if not np.all((rows >= 0) & (rows < self.n_rows(other))):
                     raise ValueError(f"{table}.{other}: refers to missing rows of table {other}")
-
-
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
-    """Read metadata and tables of one file.
-
-    Raises:
-        Exception: If they are not those of a log.
-    """
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        n_bytes = sum(member.file_size for member in archive.zip.infolist())
-        if n_bytes > 4e9:  # assumed; ten million pulses fit
-            raise ValueError(f"{n_bytes / 1e9:.1f} GB after decompression, the limit is 4 GB")
-        meta = json.loads(str(archive["meta"]))
-        if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
-            raise ValueError(f"no metadata of schema {SCHEMA}, which this version reads")
-        tables = {table: {column: archive[f"{table}.{column}"] for column in TABLES[table]} for table in TABLES}
-    for table, columns in tables.items():
-        n_rows = {values.shape[:1] for values in columns.values()}
-        if len(n_rows) != 1 or () in n_rows:
-            raise ValueError(f"the columns of table {table} have different lengths")
-        for column, values in columns.items():
-            dtype = TABLES[table][column]
-            is_right = values.ndim == 2 if column in WIDE else values.shape[1:] == dtype.shape
-            if values.dtype.kind != dtype.base.kind or not (is_right or n_rows == {(0,)}):
-                raise ValueError(f"{table}.{column} holds {values.dtype} in rows of shape {values.shape[1:]}")
-    return meta, tables
-
-
-WIDE = ("strengths_v", "log_likelihood", "range_m")
-"""Columns with one value per element, cell or beam in each row."""

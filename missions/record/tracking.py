@@ -8,7 +8,7 @@ import numpy as np
 
 from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
-from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.finding import State
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
@@ -17,8 +17,9 @@ from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration
 from pdpatrol.envs.user_code import UserCodeError, calling, place_of
+from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import grid_of
-from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
@@ -61,15 +62,13 @@ class Tracker:
         self.findings: tuple[Finding, ...] = ()
         self._log = log
         self._locator = locator
-        self._is_own = type(locator) is not Locator
+        self._built_in = locator if type(locator) is Locator else None
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
         self._likelihood = YardLikelihood(array, pose_error, grid_of(log.meta))
-        self._began_s: float | None = None
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
-        self._has_clipped = self._has_contradicted = False
 
     def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Locate with the pulses of one step.
@@ -82,21 +81,36 @@ class Tracker:
         credible = np.empty(0, dtype=np.bool_)
         if pulses.n_pulses:
             credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
-        accepted = pulses.take(credible)
+        accepted, first = pulses.take(credible), self._log.n_rows("pulse")
         with self._calling(FINDINGS):
             findings = self._locator.update(time_s, pose.copy(), accepted)
-        self._log_pulses(pose, pulses, credible)
+        if pulses.is_overdriven.any():
+            self._log_once("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
+        self._log.extend(
+            "pulse",
+            step=np.full(pulses.n_pulses, self._log.last_step),
+            strengths_v=pulses.strengths_v,
+            mains_phase_rad=pulses.mains_phase_rad,
+            is_clipped=pulses.is_overdriven,
+            is_credible=credible,
+        )
+        self._log.extend(
+            "bearing",
+            pulse=first + np.flatnonzero(credible),
+            azimuth_rad=accepted.azimuth_rad,
+            bearing_rad=wrap(accepted.azimuth_rad + pose[2]),
+            std_rad=accepted.std_rad,
+        )
         self._update_findings(findings)
         if accepted.n_pulses:
             self._pending.append((accepted.without_bands(), np.tile(pose, (accepted.n_pulses, 1))))
-        self._began_s = time_s if self._began_s is None else self._began_s
         if self._pending and time_s >= self._next_likelihood_s:
-            self._next_likelihood_s = time_s + max(LIKELIHOOD_S, LIKELIHOOD_SHARE * (time_s - self._began_s))
+            tracked_s = time_s - self._log.column("step", "time_s", 0, 1).item()
+            self._next_likelihood_s = time_s + max(LIKELIHOOD_S, LIKELIHOOD_SHARE * tracked_s)
             self._log_likelihood()
-        if self._contradicts_calibration and not self._has_contradicted:
+        if self._contradicts_calibration:
             text = "the pulses contradict the calibration: it is not used, for the array has changed or is another one"
-            self._log.event("calibration", text)
-        self._has_contradicted = self._contradicts_calibration
+            self._log_once("calibration", text)
 
     def refit(self, time_s: float) -> None:
         """Fit all pulses again, after the last one of the mission."""
@@ -115,11 +129,10 @@ class Tracker:
             before: Calibration that the mission started with.
         """
         credible = self._log.column("bearing", "pulse")
-        for pulse, finding in zip(credible, self._association(credible.size), strict=True):
-            self._log.append("association", pulse=pulse, finding=finding)
+        self._log.extend("association", pulse=credible, finding=self._association(credible.size))
         if self._log.n_rows("step"):
             self._log_likelihood()
-        learned = self._locator.learned() if isinstance(self._locator, Locator) and not self._is_own else None
+        learned = self._built_in and self._built_in.learned()
         if learned is not None:
             used = None if self._contradicts_calibration else before
             calibration = ArrayCalibration.after(mission, learned, self._array, serial_number, used)
@@ -127,11 +140,11 @@ class Tracker:
 
     @property
     def _contradicts_calibration(self) -> bool:
-        return isinstance(self._locator, Locator) and self._locator.contradicts_errors
+        return self._built_in is not None and self._built_in.contradicts_errors
 
     def _calling(self, expected: str) -> AbstractContextManager[None]:
         """Return a context in which errors of a user's Locator name its line and the expected result."""
-        return calling(self._locator, expected) if self._is_own else nullcontext()
+        return nullcontext() if self._built_in else calling(self._locator, expected)
 
     def _association(self, n_pulses: int) -> IntArray:
         """Return the finding of each of the first pulses that the Locator was given, shape (n_pulses,)."""
@@ -147,29 +160,10 @@ class Tracker:
             )
         return association[:n_pulses]
 
-    def _log_pulses(self, pose: FloatArray, pulses: PulseBatch, credible: BoolArray) -> None:
-        """Log pulses, and the bearings of the credible ones."""
-        if pulses.is_overdriven.any() and not self._has_clipped:
-            self._has_clipped = True
-            self._log.event("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
-        bearing_rad = wrap(pulses.azimuth_rad + pose[2])
-        for i in range(pulses.n_pulses):
-            pulse = self._log.append(
-                "pulse",
-                step=self._log.last_step,
-                strengths_v=pulses.strengths_v[i],
-                mains_phase_rad=pulses.mains_phase_rad[i],
-                is_clipped=pulses.is_overdriven[i],
-                is_credible=credible[i],
-            )
-            if credible[i]:
-                self._log.append(
-                    "bearing",
-                    pulse=pulse,
-                    azimuth_rad=pulses.azimuth_rad[i],
-                    bearing_rad=bearing_rad[i],
-                    std_rad=pulses.std_rad[i],
-                )
+    def _log_once(self, kind: EventKind, text: str) -> None:
+        """Log the first event of a kind."""
+        if kind not in self._log.column("event", "kind"):
+            self._log.event(kind, text)
 
     def _log_likelihood(self) -> None:
         """Log the likelihood over the yard by all pulses so far; see `YardLikelihood`."""
@@ -189,28 +183,16 @@ class Tracker:
         if not has_changed:
             return
         for finding in findings:
-            self._log_finding(finding, finding.state)
             was = before.pop(finding.id, None)
             if was is None or was.state != finding.state:
                 self._log.event(finding.state, _state_text(finding, was and was.state), finding.id)
         for gone in before.values():
-            self._log_finding(gone, "dropped")
             noun = "finding" if gone.state == "confirmed" else "candidate"
             self._log.event("dropped", f"{noun} {gone.id} was not a separate source", gone.id)
-
-    def _log_finding(self, finding: Finding, state: str) -> None:
-        self._log.append(
-            "finding",
-            step=self._log.last_step,
-            id=finding.id,
-            position_m=finding.position_m,
-            covariance_m2=finding.covariance_m2,
-            state=state,
-            n_bearings=finding.n_bearings,
-            first_detected_s=finding.first_detected_s,
-            confirmed_s=np.nan if finding.confirmed_s is None else finding.confirmed_s,
-            aperture_rad=finding.aperture_rad,
-        )
+        logged = [*((finding, finding.state) for finding in findings), *((gone, "dropped") for gone in before.values())]
+        for finding, state in logged:
+            values = {name: value for name, value in vars(finding).items() if name in TABLES["finding"]}
+            self._log.append("finding", **values | {"step": self._log.last_step, "state": state})
 
 
 def _state_text(finding: Finding, was: State | None) -> str:

@@ -98,7 +98,8 @@ def survey(
                 strength_v = float(np.linalg.norm(strengths_v))
                 if strength_v < 5.0 * NOISE_V:
                     continue
-                pulse = log.append(
+                pulse = log.n_rows("pulse")
+                log.append(
                     "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=2 * np.pi * mains_hz * time_s,
                     is_clipped=False, is_credible=True,
                 )  # fmt: skip
