@@ -7,13 +7,15 @@ import numpy as np
 from dirmusic.angles import aperture
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
+from pdpatrol.envs.scenario.base import as_tuples
 from pdpatrol.envs.scenario.radio import surroundings_of
-from pdpatrol.envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
+from pdpatrol.envs.scenario.scenario import RouteConfig, Scenario, TaskConfig
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
+from pdpatrol.sensing.radio.surroundings import level_transform
 from pdpatrol.sensing.radio.transmission import Sight
 
 SIZE_M = (32.0, 26.0)
@@ -41,9 +43,7 @@ SEEN_FROM_M = (2.0, 8.0)
 """Range of distances from which a source away from the sites must be in sight, over the aperture of a planned route."""
 
 
-def random_yard(
-    seed: int | np.random.Generator, n_obstructions: int = 5, *, has_planned_route: bool = False
-) -> Scenario:
+def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Scenario:
     """Draw a scenario with one discharge in a yard with random equipment; the size and the dock are always the same.
 
     The first piece of equipment is of a kind that can discharge. In four of five yards the source is on a site of the
@@ -54,7 +54,6 @@ def random_yard(
     Args:
         seed: Seed or generator.
         n_obstructions: Number of pieces of equipment, in [0, 12]; fewer are placed if the yard is full.
-        has_planned_route: Whether missions plan the route. The environment itself rejects such a scenario.
 
     Raises:
         ValueError: If `n_obstructions` is out of range.
@@ -67,12 +66,11 @@ def random_yard(
     for number in range(n_obstructions):
         kind = str(rng.choice(with_sites if number == 0 else kinds))
         yard = _with_piece(yard, f"{kind}_{number + 1}", kind, rng)
-    stops_m = [yard.free_place(rng, TURNING_RADIUS_M) for _ in range(N_WAYPOINTS)]
-    drawn_m = tuple((float(x), float(y)) for x, y in stops_m)
+    stops_m = [yard.free_place(rng, TURNING_RADIUS_M).tolist() for _ in range(N_WAYPOINTS)]
     return Scenario(
         name="random_yard",
         yard=yard,
-        route=RouteConfig(dock_m=DOCK_M, waypoints_m=PLANNED if has_planned_route else drawn_m),
+        route=RouteConfig(dock_m=DOCK_M, waypoints_m=as_tuples(stops_m)),
         array=ArrayConfig(),
         sources=(random_source(yard, rng),),
         task=TaskConfig(time_limit_s=300.0),
@@ -99,11 +97,10 @@ def open_yard() -> Scenario:
 def _with_piece(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Yard:
     """Return the yard with one more piece of equipment, or unchanged if it fits at none of 60 random positions."""
     for _ in range(60):
-        position = rng.uniform([0.0, 0.0], yard.size_m)
         item = CatalogueEquipment(
             name=name,
             kind=kind,
-            position_m=(float(position[0]), float(position[1])),
+            position_m=as_tuples(rng.uniform([0.0, 0.0], yard.size_m).tolist()),
             yaw_deg=float(rng.choice([0.0, 90.0, 180.0, 270.0])),
         )
         low, high = item.solids.extent_m
@@ -123,8 +120,7 @@ def random_source(yard: Yard, rng: np.random.Generator) -> SourceConfig:
     place_m = place_off_sites(yard, rng) if rng.uniform() < OFF_SITE_SHARE else None
     if place_m is None:
         return SourceConfig(name="discharge", sites=(site,))
-    x, y, z = place_m.tolist()
-    return SourceConfig(name="discharge", position_m=(x, y, z))
+    return SourceConfig(name="discharge", position_m=as_tuples(place_m.tolist()))
 
 
 def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
@@ -144,17 +140,19 @@ def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
     for _ in range(200):
         part = int(rng.choice(parts))
         off_m = SITE_STANDOFF_M if rng.uniform() < 0.5 else float(rng.uniform(*AIR_M))
-        half_m = np.append(solids.half_size_m[part], 0.5 * (solids.top_m[part] - solids.bottom_m[part]))
-        half_m[:2] += solids.radius_m[part]
-        centre_m = np.append(solids.centre_m[part], 0.5 * (solids.top_m[part] + solids.bottom_m[part]))
+        bottom_m, top_m = solids.bottom_m[part], solids.top_m[part]
+        half_m = np.append(solids.half_size_m[part] + solids.radius_m[part], 0.5 * (top_m - bottom_m))
         x, y, z = rng.uniform(-half_m, half_m)
-        cos, sin = np.cos(solids.yaw_rad[part]), np.sin(solids.yaw_rad[part])
-        within_m = np.array([cos * x - sin * y, sin * x + cos * y, z])
-        place_m = _pushed_out(yard, centre_m + within_m, off_m)
-        is_place = yard.contains(place_m) and place_m[2] >= 0.2
-        is_place = is_place and abs(_distance(yard, place_m) - off_m) < 0.5 * SITE_STANDOFF_M
-        is_place = is_place and np.linalg.norm(sites_m - place_m, axis=-1).min() >= OFF_SITE_M
-        if is_place and _can_be_seen(yard, sight, place_m):
+        world_from_part = level_transform(np.append(solids.centre_m[part], solids.yaw_rad[part]))
+        inside_m = world_from_part @ (x, y, z + 0.5 * (top_m + bottom_m), 1.0)
+        place_m = _pushed_out(yard, inside_m[:3], off_m)
+        if (
+            yard.contains(place_m)
+            and place_m[2] >= 0.2
+            and abs(_distance(yard, place_m) - off_m) < 0.5 * SITE_STANDOFF_M
+            and np.linalg.norm(sites_m - place_m, axis=-1).min() >= OFF_SITE_M
+            and _can_be_seen(yard, sight, place_m)
+        ):
             return np.round(place_m, 3)
     return None
 

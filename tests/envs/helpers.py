@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from pdpatrol.envs import Scenario
+
 STAND = np.zeros(2, dtype=np.float32)
 """Action of a robot that stands still."""
 
@@ -11,6 +13,11 @@ STAND = np.zeros(2, dtype=np.float32)
 def drive(speed: float, turn: float) -> np.ndarray:
     """Return the action for these fractions of the robot's top speed and yaw rate."""
     return np.array([speed, turn], dtype=np.float32)
+
+
+def to_be_planned(scenario: Scenario) -> Scenario:
+    """Return the scenario without waypoints, so that missions plan them."""
+    return scenario.model_copy(update={"route": scenario.route.model_copy(update={"waypoints_m": "planned"})})
 
 
 def listed(result: Any) -> Any:  # noqa: ANN401 - any result of an environment

@@ -103,10 +103,5 @@ def test_source_off_the_sites_is_near_equipment_and_in_sight(k: int) -> None:
         assert aperture(np.arctan2(seen_m[:, 1], seen_m[:, 0])) > np.radians(50.0)
 
 
-def test_planned_route_changes_neither_yard_nor_source() -> None:
-    rng = np.random.default_rng(5)
-    assert random_source(Yard(size_m=(20.0, 20.0)), rng).position_m is not None
-    for seed in range(6):
-        first, again = random_yard(seed, 6), random_yard(seed, 6, has_planned_route=True)
-        assert first.yard == again.yard
-        assert first.sources == again.sources
+def test_source_of_an_empty_yard_is_on_open_ground() -> None:
+    assert random_source(Yard(size_m=(20.0, 20.0)), np.random.default_rng(5)).position_m is not None

@@ -15,6 +15,7 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.runner import Mission
 from pdpatrol.robot_models.yard.yard import Yard
+from tests.envs.helpers import to_be_planned
 
 TIME_LIMIT_S = 420.0
 """Time for the tour and the candidates."""
@@ -48,12 +49,12 @@ def is_all_found(report: Report) -> bool:
 
 def planned(seed: int) -> Scenario:
     """Return a yard with 0 to 12 pieces of equipment, one source and a planned route."""
-    return _with_time(random_yard(seed, seed % 13, has_planned_route=True))
+    return _with_time(to_be_planned(random_yard(seed, seed % 13)))
 
 
 def several(seed: int) -> Scenario:
     """Return a yard with 5 to 12 pieces of equipment, one to three sources and a planned route."""
-    scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 5])
+    scenario, rng = to_be_planned(random_yard(seed, 5 + seed % 8)), np.random.default_rng([seed, 5])
     sources = [*scenario.sources]
     while len(sources) < 1 + seed % 3:
         another = random_source(scenario.yard, rng)
@@ -68,7 +69,7 @@ def several(seed: int) -> Scenario:
 
 def narrow(seed: int) -> Scenario | None:
     """Return a yard with 5 to 12 pieces, a planned route and a narrow source; None if the seed gives no such yard."""
-    scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 8])
+    scenario, rng = to_be_planned(random_yard(seed, 5 + seed % 8)), np.random.default_rng([seed, 8])
     site_map = SiteMap(scenario)
     is_reachable = np.isfinite(site_map.reach(scenario.route.dock_m).length_m)
     for _ in range(30):

@@ -4,10 +4,10 @@ import pytest
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
-from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario import ScenarioError
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.runner import Mission
+from tests.envs.helpers import to_be_planned
 from tests.missions.planning.one_plan import YARDS, plan_of, scenario_of
 
 PLANNED = {"route.waypoints_m": "planned"}
@@ -21,9 +21,7 @@ def test_mission_drives_planned_stops() -> None:
 
 
 def test_random_yard_can_have_a_planned_route() -> None:
-    yard, planned = scenario_of("5009"), random_yard(5009, 5009 % 13, has_planned_route=True)
-    assert planned == yard.model_copy(update={"route": yard.route.model_copy(update={"waypoints_m": "planned"})})
-    assert len(with_planned_route(planned).route.stops_m) == len(plan_of("5009").stops_m)
+    assert len(with_planned_route(to_be_planned(scenario_of("5009"))).route.stops_m) == len(plan_of("5009").stops_m)
 
 
 def test_environment_refuses_unplanned_route() -> None:
