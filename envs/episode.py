@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import radians
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.scenario import Scenario, position_error
-from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.envs.scenario.sources import InterfererConfig, SourceConfig
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
+from pdpatrol.sensing.receiver.bank import Listener
+
+DRAWN_OF_ARRAY = ("boresights_rad", "boresight_elevations_rad", "gain_factors", "gain_offsets", "positions_m")
+"""Properties of the array that are drawn for each episode."""
 
 
 class Generators(NamedTuple):
@@ -60,9 +65,10 @@ class ResetOptions(NamedTuple):
 
         Raises:
             ValueError: If an option is unknown, or invalid in the scenario.
+            TypeError: If a pose or position is not made of numbers.
         """
         options = {} if options is None else options
-        if not isinstance(options, Mapping) or not set(options) <= {"start_pose", "sources"}:
+        if not (isinstance(options, Mapping) and options.keys() <= {"start_pose", "sources"}):
             raise ValueError(f"`options` must be a dict with the keys start_pose and sources, got {options!r}")
         start, places, yard = options.get("start_pose"), options.get("sources") or {}, scenario.yard
         if not isinstance(places, Mapping):
@@ -78,18 +84,14 @@ class ResetOptions(NamedTuple):
             if name not in names:
                 raise ValueError(f"`options`: no source `{name}`; available: {', '.join(names) or 'none'}")
             is_site = isinstance(place, str)
-            place_m = yard.site_position(place) if is_site else _three_numbers(f"source `{name}`", place)
-            if error := position_error(yard, place_m):
+            sources_m[name] = yard.site_position(place) if is_site else _three_numbers(f"source `{name}`", place)
+            if error := position_error(yard, sources_m[name]):
                 raise ValueError(f"`options`: source `{name}` {error}")
-            sources_m[name] = place_m
         return cls(start, sources_m)
 
 
 def _three_numbers(name: str, value: Any) -> FloatArray:  # noqa: ANN401 - users may pass anything
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
+    numbers = np.array(value, dtype=np.float64)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ValueError(f"`options`: {name} must be three finite numbers, got {value!r}")
     return numbers
@@ -100,16 +102,12 @@ class Episode:
     """Ground truth of one episode.
 
     Attributes:
-        sources_m: Positions of the discharges, world frame, shape (n_sources, 3).
-        array: Array with its errors.
-        scene: All radiating sources and their surroundings.
+        listener: Receiver of the robot: the array with its errors, and all radiating sources, the discharges first.
         start_pose: Pose of the robot at the start, x m, y m, yaw rad, shape (3,).
         truth: Sources, interferers and array as plain data, for logs and scores.
     """
 
-    sources_m: FloatArray
-    array: HelicalArray
-    scene: Scene
+    listener: Listener
     start_pose: FloatArray
     truth: dict[str, Any]
 
@@ -120,66 +118,61 @@ class Episode:
         """Draw an episode; values set by the options replace drawn values."""
         rng = generators.episode
         sources = _draw_sources(scenario, generators, options.sources_m)
-        interferers = tuple(
+        interferers = [
             DischargeSource(
-                name=item.name,
+                **_draw_emitter(item, generators),
                 position_m=np.array(item.position_m),
-                amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
-                pulse_rate_hz=item.pulse_rate_hz,
-                axis=_draw_axis(item.polarisation, generators.polarisation),
                 burst_s=item.burst_s,
                 moves_to_m=None if item.moves_to_m is None else np.array(item.moves_to_m),
                 speed_mps=item.speed_mps or 0.0,
             )
             for item in scenario.interferers
-        )
+        ]
         carriers = [
-            Carrier(
-                frequency_hz=item.frequency_hz,
-                amplitude_v=item.amplitude_v,
-                bearing_rad=float(np.radians(item.bearing_deg)),
-            )
+            Carrier(frequency_hz=item.frequency_hz, amplitude_v=item.amplitude_v, bearing_rad=radians(item.bearing_deg))
             for item in scenario.carriers
         ]
         yaw_rad = rng.uniform(-np.pi, np.pi)  # drawn even where it is not used, so that it changes nothing else
         if scenario.route.dock_yaw_deg is not None:
-            yaw_rad = np.radians(scenario.route.dock_yaw_deg)
+            yaw_rad = radians(scenario.route.dock_yaw_deg)
         array = HelicalArray.draw(scenario.array, rng)  # last, so that the size of the array changes nothing else
         start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
-        return cls(
-            sources_m=np.array([source.position_m for source in sources]).reshape(-1, 3),
+        kinds = [{"kind": source.kind} for source in scenario.sources]
+        truth = {
+            "sources": [_describe(source) | kind for source, kind in zip(sources, kinds, strict=True)],
+            "interferers": [_describe(source) for source in interferers],
+            "array": {key: getattr(array, key).tolist() for key in DRAWN_OF_ARRAY},
+        }
+        listener = Listener(
             array=array,
             scene=Scene([*sources, *interferers], surroundings, carriers),
-            start_pose=np.array(start, dtype=np.float64),
-            truth=_truth(scenario, sources, interferers, array),
+            nature_rng=generators.nature,
+            receiver_rng=generators.receiver,
         )
+        return cls(listener=listener, start_pose=np.array(start), truth=truth)
 
 
 def _draw_sources(
     scenario: Scenario, generators: Generators, given_m: Mapping[str, FloatArray]
-) -> tuple[DischargeSource, ...]:
+) -> list[DischargeSource]:
     number = scenario.campaign.number
     if number is not None:
         generators = Generators.spawn(np.random.default_rng(number))
-    sources, rng = list[DischargeSource](), generators.episode
-    taken: set[str] = set()
+    sources, taken = list[DischargeSource](), set[str]()
     for config in scenario.grown_sources:
-        position_m = _draw_position(config, scenario, rng, taken)
+        position_m = _draw_position(config, scenario, generators.episode, taken)
         sources.append(
             DischargeSource(
-                name=config.name,
+                **_draw_emitter(config, generators),
                 position_m=given_m.get(config.name, position_m),
-                amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
-                pulse_rate_hz=config.pulse_rate_hz,
-                axis=_draw_axis(config.polarisation, generators.polarisation),
-                train=_draw_train(config, scenario, rng),
+                train=_draw_train(config, scenario, generators.episode),
                 active_s=config.active_s or (0.0, np.inf),
                 drift_db_per_min=config.drift_db_per_min,
                 n_shots=config.n_shots,
                 first_shot_s=config.first_shot_s,
             )
         )
-    return tuple(sources)
+    return sources
 
 
 def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Generator, taken: set[str]) -> FloatArray:
@@ -187,8 +180,7 @@ def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Gene
         return np.array(config.position_m)
     if config.anywhere_at_m is not None:
         return np.append(scenario.yard.free_place(rng, scenario.robot.description.room_m), config.anywhere_at_m)
-    sites = [site for site in scenario.candidate_sites(config) if site not in taken]
-    site = sites[int(rng.integers(len(sites)))]
+    site = str(rng.choice([site for site in scenario.candidate_sites(config) if site not in taken]))
     taken.add(site)
     return scenario.yard.site_position(site)
 
@@ -196,45 +188,36 @@ def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Gene
 def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generator) -> PulseTrain | None:
     if config.kind is None:
         return None
-    drawn_deg = float(rng.choice((0.0, 120.0, 240.0)))
+    drawn_deg = rng.choice((0.0, 120.0, 240.0))
     conductor_deg = drawn_deg if config.conductor_deg is None else config.conductor_deg
-    return PulseTrain.of_kind(config.kind, scenario.receiver.mains_hz, float(np.radians(conductor_deg)), rng)
+    return PulseTrain.of_kind(config.kind, scenario.receiver.mains_hz, radians(conductor_deg), rng)
 
 
-def _draw_axis(stated: tuple[float, float, float] | None, rng: np.random.Generator) -> FloatArray:
-    """Return a stated direction as a unit vector, or draw one uniformly on the sphere."""
-    drawn = rng.standard_normal(3)
-    axis = drawn if stated is None else np.array(stated)
-    return axis / np.linalg.norm(axis)
+def _draw_emitter(config: SourceConfig | InterfererConfig, generators: Generators) -> dict[str, Any]:
+    """Return the properties that sources and interferers share, as arguments of `DischargeSource`.
 
-
-def _draw_amplitude(amplitude_v: float, range_db: float, rng: np.random.Generator) -> float:
-    """Draw an amplitude uniformly in decibels from a range centred on `amplitude_v`."""
-    return amplitude_v * 10 ** (float(rng.uniform(-0.5, 0.5)) * range_db / 20)
-
-
-def _truth(
-    scenario: Scenario,
-    sources: tuple[DischargeSource, ...],
-    interferers: tuple[DischargeSource, ...],
-    array: HelicalArray,
-) -> dict[str, Any]:
-    def describe(source: DischargeSource) -> dict[str, Any]:
-        truth = {
-            "name": source.name,
-            "position_m": source.position_m.tolist(),
-            "amplitude_v": source.amplitude_v,
-            "polarisation": source.axis.tolist(),
-            "pulse_rate_hz": source.pulse_rate_hz,
-        }
-        if source.moves_to_m is not None:
-            truth |= {"moves_to_m": source.moves_to_m.tolist(), "speed_mps": source.speed_mps}
-        return truth
-
-    kinds = [source.kind for source in scenario.sources]
-    drawn = ("boresights_rad", "boresight_elevations_rad", "gain_factors", "gain_offsets", "positions_m")
+    The amplitude is drawn uniformly in decibels from its range; the polarisation, unless it is stated, uniformly on the
+    sphere.
+    """
+    level_db = generators.episode.uniform(-0.5, 0.5) * config.amplitude_range_db
+    drawn = generators.polarisation.standard_normal(3)
+    axis = drawn if config.polarisation is None else np.array(config.polarisation)
     return {
-        "sources": [{**describe(source), "kind": kind} for source, kind in zip(sources, kinds, strict=True)],
-        "interferers": [describe(source) for source in interferers],
-        "array": {key: getattr(array, key).tolist() for key in drawn},
+        "name": config.name,
+        "amplitude_v": config.amplitude_v * 10 ** (level_db / 20),
+        "pulse_rate_hz": config.pulse_rate_hz,
+        "axis": axis / np.linalg.norm(axis),
     }
+
+
+def _describe(source: DischargeSource) -> dict[str, Any]:
+    described = {
+        "name": source.name,
+        "position_m": source.position_m.tolist(),
+        "amplitude_v": source.amplitude_v,
+        "polarisation": source.axis.tolist(),
+        "pulse_rate_hz": source.pulse_rate_hz,
+    }
+    if source.moves_to_m is not None:
+        described |= {"moves_to_m": source.moves_to_m.tolist(), "speed_mps": source.speed_mps}
+    return described

@@ -39,7 +39,7 @@ def add_pose_error(
 def start_motion(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
     """Initialise the sensors of robot `r` at the start of an episode; arguments as in `sense_motion`."""
     state.pose_error[r] = np.nan
-    state.n_steps[r], state.time_s[r], state.used_wh[r], state.battery[r] = 0.0, 0.0, 0.0, 1.0
+    state.n_steps[r], state.time_s[r], state.battery[r] = 0.0, 0.0, 1.0
     sense_pose(state, parameters, reading, r)
     for k in range(3):
         state.odometry[r, k] = state.believed_pose[r, k]
@@ -63,10 +63,10 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
     odometry[0] += path_m * np.cos(along)
     odometry[1] += path_m * np.sin(along)
     odometry[2] = wrapped(odometry[2] + turn_rad)
-    state.used_wh[r] += (parameters.idle_w + reading[MOTOR_POWER]) * (step_s / 3600.0)
+    used_wh = (parameters.idle_w + reading[MOTOR_POWER]) * (step_s / 3600.0)
     state.n_steps[r] += 1
     state.time_s[r] = state.n_steps[r] * step_s
-    state.battery[r] = max(1.0 - state.used_wh[r] / parameters.capacity_wh, 0.0)
+    state.battery[r] = max(state.battery[r] - used_wh / parameters.capacity_wh, 0.0)
     sense_pose(state, parameters, reading, r)
 
 

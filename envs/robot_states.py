@@ -34,7 +34,6 @@ class RobotStates(NamedTuple):
         wheels_rad: Angles of the left and right wheels, shape (n_robots, 2).
         metres_per_radian: Wheel radius that the odometry assumes, m per rad, shape (n_robots,).
         gyro_bias_radps: Bias of the gyro, shape (n_robots,).
-        used_wh: Energy drawn from the battery, shape (n_robots,).
         battery: State of charge, in [0, 1], shape (n_robots,).
         sources_m: True positions of the sources, world frame, shape (n_robots, n_sources, 2).
         approached: True for sources that the robot has approached, shape (n_robots, n_sources).
@@ -67,7 +66,6 @@ class RobotStates(NamedTuple):
     wheels_rad: FloatArray
     metres_per_radian: FloatArray
     gyro_bias_radps: FloatArray
-    used_wh: FloatArray
     battery: FloatArray
     sources_m: FloatArray
     approached: BoolArray

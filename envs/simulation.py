@@ -29,7 +29,7 @@ from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
-from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
+from pdpatrol.sensing.receiver.bank import ReceiverBank
 
 Rows = IntArray
 
@@ -133,32 +133,27 @@ class Simulation:
     def start(self, rows: Rows, rngs: Sequence[np.random.Generator], options: ResetOptions) -> None:
         """Start new episodes in some rows, each with its own generator; the first call must start all rows."""
         spawned = [Generators.spawn(rng) for rng in rngs]
-        drawn = [Episode.draw(self.scenario, self._surroundings, each, options) for each in spawned]
-        listeners = [
-            Listener(array=episode.array, scene=episode.scene, nature_rng=own.nature, receiver_rng=own.receiver)
-            for episode, own in zip(drawn, spawned, strict=True)
-        ]
+        drawn = [Episode.draw(self.scenario, self._surroundings, own, options) for own in spawned]
         if self._receivers is None:
+            listeners = [episode.listener for episode in drawn]
             self._receivers = ReceiverBank(self.scenario.receiver, listeners, self._n_threads)
-        for k, row in enumerate(rows.tolist()):
-            self._receivers.replace(row, listeners[k])
-            self.truths[row], self.generators[row] = drawn[k].truth, spawned[k]
+        odometry = self.scenario.odometry
+        for row, own, episode in zip(rows.tolist(), spawned, drawn, strict=True):
+            self._receivers.replace(row, episode.listener)
+            self.truths[row], self.generators[row] = episode.truth, own
             self._monitors[row], self.suspects[row] = ChannelMonitor(self.array, self.estimator), ()
-            self.states.sources_m[row] = drawn[k].sources_m[:, :2]
+            self.states.sources_m[row] = episode.listener.scene.positions_m[: len(self.scenario.sources), :2]
+            self._draw_noise(row)
+            scale, bias = own.motion.standard_normal(2)
+            self.states.metres_per_radian[row] = self.robot.wheel_radius_m * (1.0 + odometry.wheel_radius_error * scale)
+            self.states.gyro_bias_radps[row] = np.radians(odometry.gyro_bias_deg_per_min) / 60.0 * bias
         going_on = ~np.isin(self.pulse_rows, rows)
         self.pulse_rows, self.pulses = self.pulse_rows[going_on], self.pulses.take(going_on)
         self.states.is_usable[rows] = True
         self.states.spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self.states.touched[rows] = self.robots.is_touching[rows]
-        self._draw_noise(rows)
         start_robots(self._held, self.robots.readings.values, rows)
-        odometry = self.scenario.odometry
-        for row in rows.tolist():
-            scale, bias = self.generators[row].motion.standard_normal(2)
-            radius_m = self.robot.wheel_radius_m * (1.0 + odometry.wheel_radius_error * scale)
-            self.states.metres_per_radian[row] = radius_m
-            self.states.gyro_bias_radps[row] = np.radians(odometry.gyro_bias_deg_per_min) / 60.0 * bias
 
     def step(self, commands: FloatArray, rows: Rows | None = None) -> None:
         """Drive some robots for 0.1 s and record the pulses that they detect.
@@ -171,7 +166,8 @@ class Simulation:
         start_s = self.states.time_s.copy()
         self.robots.drive(commands[:, 0], commands[:, 1], STEP_S, rows)
         driven = self._all_rows if rows is None else rows
-        self._draw_noise(driven)
+        for row in driven.tolist():
+            self._draw_noise(row)
         readings = self.robots.readings
         advance_robots(self._held, readings.values, self.robots.is_touching, driven)
         detected = self._receivers.listen(readings.world_from_base, start_s, STEP_S, rows)
@@ -191,10 +187,9 @@ class Simulation:
             self._held, self.robots.readings.values, self.pulse_rows, pulses.strengths_v, pulses.azimuth_rad
         ).T
 
-    def _draw_noise(self, rows: Rows) -> None:
-        for row in rows.tolist():
-            self.generators[row].motion.standard_normal(out=self.states.motion_normal[row])
-            self.generators[row].lidar.standard_normal(out=self.states.lidar_normal[row])
+    def _draw_noise(self, row: int) -> None:
+        self.generators[row].motion.standard_normal(out=self.states.motion_normal[row])
+        self.generators[row].lidar.standard_normal(out=self.states.lidar_normal[row])
 
     def _watch_channels(self, row: int, own: slice) -> None:
         """Check the pulses of one robot for newly faulty channels, and estimate its bearings without these."""

@@ -91,7 +91,8 @@ def test_battery_supplies_motors_and_idle_load() -> None:
     sensors.sense(power_w=power_w, rows=[1])
     np.testing.assert_allclose(battery, [1.0, 0.2])
     assert sensors.state.time_s.tolist() == [0.0, 144.0]
-    sensors.sense(power_w=power_w, rows=[1])
+    for _ in range(2):
+        sensors.sense(power_w=power_w, rows=[1])
     assert battery[1] == 0.0
 
 

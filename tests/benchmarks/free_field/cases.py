@@ -22,7 +22,7 @@ from pdpatrol.envs.simulation import STEP_S
 from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, Surroundings, level_transform
-from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
+from pdpatrol.sensing.receiver.bank import ReceiverBank
 
 SPEED_MPS = 0.8
 HEIGHTS_M = 0.8, 3.2
@@ -75,17 +75,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     array = scenario.known_array
     if is_exact:
         array = replace(array, spread=ElementSpread())
-    bank = ReceiverBank(
-        scenario.receiver,
-        [
-            Listener(
-                array=episode.array,
-                scene=episode.scene,
-                nature_rng=generators.nature,
-                receiver_rng=generators.receiver,
-            )
-        ],
-    )
+    bank = ReceiverBank(scenario.receiver, [episode.listener])
     batches = [
         bank.listen(level_transform(pose)[np.newaxis], np.array([STEP_S * k]), STEP_S).pulses
         for k, pose in enumerate(loop)
@@ -93,7 +83,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     pulses = PulseBatch.join(batches)
     return Case(
         sources_m=sources_m,
-        real=episode.array,
+        real=episode.listener.array,
         array=array,
         pose_error=scenario.pose_sensor.pose_error,
         true_pose=loop,

@@ -31,7 +31,7 @@ def emitted_on(day: str) -> Emissions:
     settings = {"sources": sources, "campaign.begins": "2026-03-02", "campaign.date": day}
     scenario, generators = load_scenario("two_sources", settings), Generators.spawn(np.random.default_rng(11))
     episode = Episode.draw(scenario, Surroundings.free_space(), generators, ResetOptions())
-    return episode.scene.draw(0.0, 5.0, generators.nature)
+    return episode.listener.scene.draw(0.0, 5.0, generators.nature)
 
 
 def test_pulses_grow_with_the_weeks_of_the_campaign() -> None:
