@@ -50,8 +50,11 @@ def load_object(name: str, expected: str) -> Any:  # noqa: ANN401 - whatever has
     with calling(file, expected):
         module = _import_file(file) if is_file else importlib.import_module(place)
     if not hasattr(module, attribute):
-        own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__]
-        own = [key for key in own if not key.startswith("_")]
+        own = [
+            key
+            for key, value in vars(module).items()
+            if getattr(value, "__module__", "") == module.__name__ and not key.startswith("_")
+        ]
         known = ", ".join(own[:20]) or "no class or function"
         raise UserCodeError(f"{_relative(file)}: must define `{attribute}`, defines {known}; expected {expected}")
     return getattr(module, attribute)

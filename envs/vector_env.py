@@ -206,6 +206,3 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         if self._full_info:
             info["pulses"] = {"robot": self.simulation.pulse_rows, **self.simulation.pulses._asdict()}
         return info
-
-    def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401 - as Gymnasium declares it
-        """Do nothing: the environment holds no resources that must be released."""

@@ -37,7 +37,7 @@ def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> Arra
             pattern=config.pattern_error,
             unexplained=UNEXPLAINED,
         ),
-        band_manifolds=nominal.band_manifolds(band_edges_hz) if len(band_edges_hz) else (),
+        band_manifolds=nominal.band_manifolds(band_edges_hz),
     )
 
 
@@ -64,7 +64,7 @@ def data_sheet_sha256(array: ArrayModel) -> str:
     return hashlib.sha256((np.round(numbers, 6) + 0.0).tobytes()).hexdigest()  # -0.0 becomes 0.0
 
 
-class ArrayCalibration(Config, frozen=True):
+class ArrayCalibration(Config):
     """Errors of one array, as estimated by the missions so far, and their covariance."""
 
     format: Literal["pdpatrol calibration 2"] = "pdpatrol calibration 2"
@@ -147,7 +147,7 @@ def read_calibration(path: Path) -> ArrayCalibration:
     Raises:
         InputFileError: If the file cannot be read or is not a calibration, with one line per error.
     """
-    table = read_toml(path, "a calibration.toml")
+    table = read_toml(path)
     try:
         return ArrayCalibration.model_validate(as_tuples({"format": None, **table}))
     except ValidationError as error:

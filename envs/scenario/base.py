@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
@@ -48,8 +48,10 @@ class ScenarioError(InputFileError):
     """Error raised for a scenario that cannot be used, with one line per error found."""
 
 
-class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class Config(BaseModel):
     """Base class of all scenario tables: frozen and strict; rejects unknown keys, infinity and NaN."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
 
 def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON values have many types
@@ -61,22 +63,15 @@ def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON values have ma
     return value
 
 
-def read_toml(path: Path, wanted: str) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file, with or without a byte order mark.
-
-    Args:
-        path: The file.
-        wanted: Description of the expected file, for error messages.
 
     Raises:
         InputFileError: If the file cannot be read, is too large, or is not valid TOML in UTF-8.
     """
+    content = read_whole(path, MAX_FILE_BYTES)
     try:
-        return tomllib.loads(read_whole(path, MAX_FILE_BYTES).decode("utf-8-sig"))
-    except InputFileError as error:
-        raise InputFileError([f"{fault}; give {wanted}" for fault in error.faults]) from None
-    except UnicodeDecodeError as error:
-        raise InputFileError([f"{path}: byte {error.start} is not UTF-8 text; give {wanted}"]) from None
+        return tomllib.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # also raised for huge integers and deep nesting
         raise InputFileError([f"{path}: is not valid TOML: {error}"]) from None
 
@@ -107,12 +102,12 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
         yield f"{key}: unknown key" + (f"; did you mean `{near[0]}`?" if near else "")
     elif item["type"] == "union_tag_invalid":
         shapes = str(item["ctx"]["expected_tags"]).replace("[", "").replace("]", "")
-        yield f"{key}: must have the shape {shapes}, got {shown(item['ctx']['tag'].strip('[]'))}"
+        yield f"{key}: must have the shape {shapes}, got {_short(repr(item['ctx']['tag'].strip('[]')))}"
     else:
         must = re.sub("^(Input|String|Tuple|Dictionary) should", "must", item["msg"]).partition(" after validation")[0]
         must = must.replace("a valid tuple", "an array")
         must = "must be a table" if item["type"].startswith(("model", "dict")) else must
-        yield f"{key}: {must}, got {shown(item['input'])}"
+        yield f"{key}: {must}, got {_short(repr(item['input']))}"
 
 
 def _all_keys(model: type[BaseModel]) -> list[str]:
@@ -124,14 +119,6 @@ def _all_keys(model: type[BaseModel]) -> list[str]:
 def known_names(names: tuple[str, ...], wanted: str) -> str:
     """List the names closest to a wrong one, or the first few if none is close."""
     return ", ".join(get_close_matches(wanted, names, n=3) or names[:12]) or "none"
-
-
-def shown(value: object) -> str:
-    """Format a value for an error message, on one line and at most 60 characters."""
-    try:
-        return _short(repr(value))
-    except ValueError:  # Python refuses to format integers of more than 4300 digits
-        return "an integer of thousands of digits"
 
 
 def _short(text: str) -> str:

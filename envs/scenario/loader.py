@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, on_one_line, read_toml
+from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, read_toml
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite
 
@@ -50,9 +50,9 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
         return scenario
     path = _path_of(scenario)
     try:
-        data = as_tuples(read_toml(path, "a scenario, which is a TOML text file"))
+        data = as_tuples(read_toml(path))
     except InputFileError as error:
-        raise ScenarioError([on_one_line(fault) for fault in error.faults]) from None
+        raise ScenarioError(error.faults) from None
     for setting, value in (settings or {}).items():
         *tables, key = setting.split(".")
         inner = data
@@ -65,7 +65,7 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
     try:
         return Scenario.model_validate({"name": path.stem, **data})
     except ValidationError as error:
-        raise ScenarioError([on_one_line(f"{path}: {line}") for line in error_lines(error, Scenario)]) from None
+        raise ScenarioError([f"{path}: {line}" for line in error_lines(error, Scenario)]) from None
 
 
 def _path_of(scenario: str | Path) -> Path:
@@ -89,10 +89,11 @@ def _make_paths_absolute(data: dict[str, Any], folder: Path) -> None:
     """Make paths in the data of a scenario file, which are relative to its folder, absolute."""
     for name, keys in FILE_KEYS.items():
         table = data.get(name)
+        if not isinstance(table, dict):
+            continue
         for key in keys:
-            value = table.get(key) if isinstance(table, dict) else None
-            if isinstance(value, str) and IS_FILE.search(value):
-                table[key] = str(folder / value)
+            if isinstance(table.get(key), str) and IS_FILE.search(table[key]):
+                table[key] = str(folder / table[key])
 
 
 def restore_scenario(data: Mapping[str, Any]) -> Scenario:

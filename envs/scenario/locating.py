@@ -52,7 +52,7 @@ def _check_estimator(method: str) -> str:
     return method
 
 
-class EstimatorConfig(Config, frozen=True):
+class EstimatorConfig(Config):
     """Bearing estimator: a built-in one by name, or `my_file.py:MyEstimator` or `package.module:MyEstimator`."""
 
     method: Annotated[FilePath, AfterValidator(_check_estimator)] = "maximum_likelihood"
@@ -62,7 +62,7 @@ def _read_calibration(given: object) -> object:
     return read_calibration(Path(given)) if isinstance(given, str) else given
 
 
-class LocatingConfig(OptionalRules, frozen=True):
+class LocatingConfig(OptionalRules):
     """The Locator and its rules.
 
     `dirmusic.locating.rules` documents the rules and their defaults. Names are the same except that angles end in

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import add
 from typing import Annotated
 
 from pydantic import Field, ValidationError
@@ -12,7 +13,7 @@ from pdpatrol.robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
 from pdpatrol.robot_models.yard.yard import Yard
 
 
-class GeoreferenceConfig(Config, frozen=True):
+class GeoreferenceConfig(Config):
     """Position of the yard's frame on the WGS 84 ellipsoid."""
 
     latitude_deg: Annotated[float, Field(ge=-85.0, le=85.0)]
@@ -23,20 +24,15 @@ class GeoreferenceConfig(Config, frozen=True):
     """Direction of the y axis, clockwise from true north."""
 
 
-class MovedPiece(Config, frozen=True):
+class MovedPiece(Config):
     """Piece of equipment that the map shows at a wrong position."""
 
     name: Name
     by_m: tuple[Coordinate, Coordinate]
     """Displacement on the map relative to the true position, world frame."""
 
-    def placed(self, item: Equipment) -> Equipment:
-        """Return the piece as the map shows it."""
-        x, y = item.position_m
-        return type(item).model_validate({**item.model_dump(), "position_m": (x + self.by_m[0], y + self.by_m[1])})
 
-
-class MapConfig(Config, frozen=True):
+class MapConfig(Config):
     """Differences between the map and the yard; by default the map is correct.
 
     Planner, policies, Locator and report use the map. Physics, lidar, radio and scores use the yard.
@@ -56,12 +52,13 @@ class MapConfig(Config, frozen=True):
         """
         if not (self.missing or self.extra or self.moved):
             return yard
-        moved = {piece.name: piece for piece in self.moved}
-        shown = [
-            moved[item.name].placed(item) if item.name in moved else item
-            for item in yard.equipment
-            if item.name not in self.missing
-        ]
+        moved, shown = {piece.name: piece.by_m for piece in self.moved}, list[Equipment]()
+        for item in yard.equipment:
+            if item.name in moved:
+                place_m = tuple(map(add, item.position_m, moved[item.name]))
+                item = type(item).model_validate({**item.model_dump(), "position_m": place_m})
+            if item.name not in self.missing:
+                shown.append(item)
         return Yard(size_m=yard.size_m, equipment=(*shown, *self.extra))
 
     def errors(self, yard: Yard) -> list[str]:

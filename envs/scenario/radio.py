@@ -7,7 +7,7 @@ from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import Surroundings, upright_solids
 
 
-class RadioConfig(Config, frozen=True):
+class RadioConfig(Config):
     """Settings of the propagation model."""
 
     second_order: bool = False

@@ -28,7 +28,7 @@ def _check_model(model: str) -> str:
     return model
 
 
-class RobotConfig(Config, frozen=True):
+class RobotConfig(Config):
     """Robot model and speed limit."""
 
     model: Annotated[FilePath, AfterValidator(_check_model)] = "inspector"
@@ -52,7 +52,7 @@ class RobotConfig(Config, frozen=True):
         return robot if self.max_speed_mps is None else replace(robot, max_speed_mps=self.max_speed_mps)
 
 
-class PoseSensorConfig(Config, frozen=True):
+class PoseSensorConfig(Config):
     """Standard deviations and correlation time of the pose error. Assumed; typical of lidar localisation in a map."""
 
     position_std_m: MetreError = 0.05
@@ -78,7 +78,7 @@ class PoseSensorConfig(Config, frozen=True):
         )
 
 
-class OdometryConfig(Config, frozen=True):
+class OdometryConfig(Config):
     """Standard deviations of the odometry errors. Assumed; typical of magnetic wheel encoders and a MEMS gyro."""
 
     wheel_radius_error: Share = 0.001
@@ -89,13 +89,13 @@ class OdometryConfig(Config, frozen=True):
     """Angle random walk of the gyro."""
 
 
-class LidarConfig(Config, frozen=True):
+class LidarConfig(Config):
     """Standard deviation of a lidar range. Assumed; typical of a small time-of-flight scanner."""
 
     range_std_m: MetreError = 0.02
 
 
-class BatteryConfig(Config, frozen=True):
+class BatteryConfig(Config):
     """Battery capacity and constant load. Assumed; a 24 V, 20 Ah pack that powers a fast digitiser and a computer."""
 
     capacity_wh: Annotated[float, Field(ge=0.01, le=1e6)] = 480.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Iterator
 from math import inf, log10, sqrt
 from typing import Annotated, Literal, Self
@@ -57,7 +58,7 @@ MAX_CARRIERS_OVER_NOISE = 1e4
 """Maximum ratio of the sum of all carriers to the noise after the band-pass, 80 dB; above it carriers mask all else."""
 
 
-class RouteConfig(Config, frozen=True):
+class RouteConfig(Config):
     """Dock and patrol route of the robot. Without waypoints, the robot stays at its dock."""
 
     dock_m: Place
@@ -81,7 +82,7 @@ class RouteConfig(Config, frozen=True):
         return self.waypoints_m
 
 
-class TaskConfig(Config, frozen=True):
+class TaskConfig(Config):
     """Success criteria, time limit and reward. All defaults are assumed."""
 
     time_limit_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 600.0
@@ -97,7 +98,7 @@ class TaskConfig(Config, frozen=True):
     """Reward per control step in contact with anything but the floor; the default makes it cost a metre."""
 
 
-class Scenario(Config, frozen=True):
+class Scenario(Config):
     """A yard, the sources in it, a patrol route, and the properties of robot, array and receiver."""
 
     name: MissionName
@@ -139,32 +140,23 @@ class Scenario(Config, frozen=True):
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
         """Return the sites, `equipment/site`, among which that of a source is drawn; empty if it has a position."""
-        return tuple(dict.fromkeys(site for entry in source.sites for site in self.expand_site(entry)))
-
-    def expand_site(self, entry: str) -> list[str]:
-        """Expand `equipment/*` to all sites of that equipment; return any other entry unchanged, in a list."""
-        if not entry.endswith("/*"):
-            return [entry]
-        return [site for site in self.yard.site_names() if site.partition("/")[0] == entry[:-2]]
+        known = self.yard.site_names()
+        return tuple(dict.fromkeys(site for entry in source.sites for site in fnmatch.filter(known, entry)))
 
     @model_validator(mode="after")
     def _check_combinations(self) -> Self:
-        if errors := _errors_of(self):
+        map_errors = self.map.errors(self.yard)
+        errors = [
+            *map_errors,
+            *_table_errors(self),
+            *_route_errors(self, self.yard if map_errors else self.known_yard),
+            *_source_errors(self),
+            *_growth_errors(self),
+        ]
+        errors = errors or [*_rate_errors(self), *_level_errors(self)]
+        if errors:
             raise ValueError("\n".join(errors))
         return self
-
-
-def _errors_of(scenario: Scenario) -> list[str]:
-    """List the errors of a scenario whose tables are valid one by one, each as `key: message`."""
-    map_errors = scenario.map.errors(scenario.yard)
-    errors = [
-        *map_errors,
-        *_table_errors(scenario),
-        *_route_errors(scenario, scenario.yard if map_errors else scenario.known_yard),
-        *_source_errors(scenario),
-        *_growth_errors(scenario),
-    ]
-    return errors or [*_rate_errors(scenario), *_level_errors(scenario)]
 
 
 def _at_most(key: str, value: float, most: float, unit: str) -> Iterator[str]:
@@ -219,9 +211,9 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
     for i, source in enumerate(scenario.sources):
         sites = set(scenario.candidate_sites(source))
         for entry in source.sites:
-            if not (set(scenario.expand_site(entry)) & set(known)):
+            if not fnmatch.filter(known, entry):
                 yield f"sources.{i}.sites: no site `{entry}`; available: {known_names(known, entry)}"
-        places = {f"sources.{i}.sites ({site})": yard.site_position(site) for site in sorted(sites & set(known))}
+        places = {f"sources.{i}.sites ({site})": yard.site_position(site) for site in sorted(sites)}
         if source.position_m is not None:
             places = {f"sources.{i}.position_m": source.position_m}
         for key, place_m in places.items():

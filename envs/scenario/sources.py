@@ -37,7 +37,7 @@ RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0), PLAIN_ZERO]
 """Relative change of the pulse rate per week: from a tenth to ten times as many pulses."""
 
 
-class CampaignConfig(Config, frozen=True):
+class CampaignConfig(Config):
     """Date of the inspection, and seed of discharges that several inspections share.
 
     The date of a mission is set here and is never taken from the clock, so that the same seed gives the same mission.
@@ -68,7 +68,7 @@ class CampaignConfig(Config, frozen=True):
         return self
 
 
-class SourceConfig(Config, frozen=True):
+class SourceConfig(Config):
     """Discharge on a site drawn from `sites`, at a given position, or above free ground."""
 
     name: Name
@@ -121,7 +121,7 @@ class SourceConfig(Config, frozen=True):
         return self
 
 
-class InterfererConfig(Config, frozen=True):
+class InterfererConfig(Config):
     """Source of impulses beyond the fence, which must not be reported as a finding."""
 
     name: Name
@@ -148,7 +148,7 @@ class InterfererConfig(Config, frozen=True):
         return self
 
 
-class CarrierConfig(Config, frozen=True):
+class CarrierConfig(Config):
     """Distant narrowband transmitter that is always on, such as the one at 948 MHz in the Dir-MUSIC paper."""
 
     name: Name
