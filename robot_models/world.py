@@ -9,7 +9,7 @@ import numpy as np
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements, attach_elements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.equipment.catalogue import KIND_COLOURS, colour_of
+from pdpatrol.robot_models.equipment.catalogue import FENCE_OPACITY, KIND_COLOURS, colour_of
 from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, OBSTACLE_CONTYPE, add_contact_sensors, add_lidar
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
@@ -148,7 +148,7 @@ def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=[*middle + (middle + half) * outward, 0.5 * FENCE_HEIGHT_M],
             size=[*np.where(outward, half, middle), 0.5 * FENCE_HEIGHT_M],
-            rgba=KIND_COLOURS["fence"],
+            rgba=[*KIND_COLOURS["fence"], FENCE_OPACITY],
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,
         )
@@ -166,7 +166,7 @@ def add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
             pos=[*solids.centre_m[k], solids.bottom_m[k] + half_height_m],
             axisangle=[0.0, 0.0, 1.0, item.yaw_deg],
             size=[solids.radius_m[k], half_height_m, 0.0] if is_round else [*solids.half_size_m[k], half_height_m],
-            rgba=colour_of(item.kind, part),
+            rgba=[*colour_of(item.kind, part), FENCE_OPACITY if item.kind == "fence" else 1.0],
             group=1,
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,

@@ -165,29 +165,28 @@ class EstimatedErrors:
     """Normal distribution of the errors of one array.
 
     Attributes:
-        mean: Mean of the errors.
-        covariance: Covariance of the gain errors of all elements, their pointing errors in radians and their offsets
-            in units of gain, in this order; shape (3 n_elements, 3 n_elements), positive semi-definite, zero for kinds
+        state: Mean of the gain errors of all elements, their pointing errors in radians and their offsets in units of
+            gain, in this order, shape (3 n_elements,).
+        covariance: Covariance of the state, shape (3 n_elements, 3 n_elements), positive semi-definite, zero for kinds
             of errors that the array does not have.
 
     Raises:
         ValueError: If the covariance has the wrong shape.
     """
 
-    mean: ElementErrors
+    state: FloatArray
     covariance: FloatArray
 
     def __post_init__(self) -> None:
         """Check the shape of the covariance."""
-        n_states = N_KINDS * self.mean.gain.size
-        if self.covariance.shape != (n_states, n_states):
-            raise ValueError(f"`covariance` must have shape ({n_states}, {n_states}), got {self.covariance.shape}")
+        if self.covariance.shape != 2 * self.state.shape:
+            raise ValueError(f"`covariance` must have shape {2 * self.state.shape}, got {self.covariance.shape}")
 
     @classmethod
     def of_spread(cls, spread: ElementSpread, n_elements: int) -> Self:
         """Create the prior for a data sheet: zero mean and independent elements."""
         std = np.repeat([spread.gain, spread.pointing_rad, spread.offset], n_elements)
-        return cls(mean=ElementErrors.none(n_elements), covariance=np.diag(np.square(std)))
+        return cls(state=np.zeros(std.size), covariance=np.diag(np.square(std)))
 
     @classmethod
     def of_states(cls, state: FloatArray, covariance: FloatArray, n_elements: int) -> Self:
@@ -198,27 +197,24 @@ class EstimatedErrors:
             covariance: Covariance of the state, shape (n_kinds n_elements, n_kinds n_elements).
             n_elements: Number of elements.
         """
-        kinds, n = np.zeros((N_KINDS, n_elements)), state.size
-        kinds.ravel()[:n] = state
-        padded = np.zeros((kinds.size, kinds.size))
-        padded[:n, :n] = covariance
-        return cls(mean=ElementErrors(gain=kinds[0], pointing_rad=kinds[1], offset=kinds[2]), covariance=padded)
+        missing = (0, N_KINDS * n_elements - state.size)
+        return cls(state=np.pad(state, missing), covariance=np.pad(covariance, missing))
 
     @property
-    def state(self) -> FloatArray:
-        """Mean as a vector ordered by kind, shape (3 n_elements,)."""
-        return np.concatenate([self.mean.gain, self.mean.pointing_rad, self.mean.offset])
+    def mean(self) -> ElementErrors:
+        """Mean of the errors, by kind."""
+        gain, pointing_rad, offset = self.state.reshape(N_KINDS, -1)
+        return ElementErrors(gain=gain, pointing_rad=pointing_rad, offset=offset)
 
     def take(self, elements: Sequence[int] | IntArray) -> Self:
         """Select elements by index."""
-        states = np.arange(self.covariance.shape[0], dtype=np.intp).reshape(N_KINDS, -1)
-        rows: IntArray = states[:, elements].ravel()
-        return self.of_states(self.state[rows], self.covariance[rows][:, rows], len(elements))
+        rows: IntArray = np.arange(self.state.size, dtype=np.intp).reshape(N_KINDS, -1)[:, elements].ravel()
+        return type(self)(state=self.state[rows], covariance=self.covariance[np.ix_(rows, rows)])
 
     def drifted(self, spread: ElementSpread) -> Self:
         r"""Predict the errors in the next mission, with covariance :math:`C + (\mathrm{DRIFT}\, \sigma)^2 I`."""
-        grown = DRIFT**2 * self.of_spread(spread, self.mean.gain.size).covariance
-        return type(self)(mean=self.mean, covariance=self.covariance + grown)
+        grown = DRIFT**2 * self.of_spread(spread, self.state.size // N_KINDS).covariance
+        return type(self)(state=self.state, covariance=self.covariance + grown)
 
     def contradicts(self, before: EstimatedErrors) -> bool:
         r"""Test whether this posterior contradicts the prior that it was computed from.

@@ -86,9 +86,9 @@ class GainManifold:
         gain_offsets: ArrayLike = 0.0,
     ) -> None:
         boresights = np.array(boresights_rad, dtype=np.float64)
-        if boresights.ndim != 1 or boresights.size < 2 or not np.isfinite(boresights).all():
+        if boresights.ndim != 1 or boresights.size < 2:
             raise ValueError(
-                f"`boresights_rad` must be finite with shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
+                f"`boresights_rad` must have shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
                 "A direction needs at least two elements."
             )
         self.boresights_rad = boresights

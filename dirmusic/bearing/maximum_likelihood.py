@@ -18,7 +18,7 @@ from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.bearing.spectrum import check_covariance
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
-from dirmusic.pulses.strengths import dot
+from dirmusic.pulses.strengths import broken_channels, dot
 
 REFINEMENTS = 2
 """Number of Gauss-Newton steps after the first; without noise, two converge to 1e-9 rad."""
@@ -252,11 +252,10 @@ def estimate_bearings(
         raise ValueError(
             f"`strengths` must have shape (..., n_pulses, {manifold.n_elements}) to match `manifold`, got {a.shape}"
         )
-    if a.size and not (a.min() >= 0.0 and a.max() < np.inf):
-        broken = np.flatnonzero(~np.all(np.isfinite(a) & (a >= 0), axis=tuple(range(a.ndim - 1)))) + 1
+    if broken := broken_channels(np.isfinite(a) & (a >= 0.0)):
         raise ValueError(
-            f"`strengths` must be finite and >= 0 V, got others in channels {', '.join(map(str, broken))}; drop broken "
-            "channels from the strengths, and from the manifold with `manifold.take`"
+            f"`strengths` must be finite and >= 0 V, got others in channels {broken}; drop broken channels from the "
+            "strengths, and from the manifold with `manifold.take`"
         )
 
     unknown = np.nan if prior is None else 0.0

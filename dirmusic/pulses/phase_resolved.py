@@ -95,13 +95,11 @@ class PhasePattern:
         kind: Most likely kind, or "unknown".
         confidence: Probability of `kind` among all kinds and "unknown", in [0, 1].
         shift_rad: Phase by which the pattern leads the pattern of the likeliest kind in `KINDS`, in [0, 2 pi).
-        explained: Share of the pulses that the likeliest kind explains.
     """
 
     kind: KindName | str
     confidence: float
     shift_rad: float
-    explained: float
 
 
 def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
@@ -128,7 +126,7 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     if not (np.isfinite(phase).all() and np.isfinite(level).all()):
         raise ValueError("`phase_rad` and `level_db` must be finite")
     if phase.size < LEAST_PULSES:
-        return PhasePattern(kind="unknown", confidence=1.0, shift_rad=0.0, explained=0.0)
+        return PhasePattern(kind="unknown", confidence=1.0, shift_rad=0.0)
     if phase.size > 100:  # more pulses do not help: the variation within each kind limits the result, not the noise
         some = np.linspace(0, phase.size - 1, 100).astype(np.intp)
         phase, level = phase[some], level[some]
@@ -152,7 +150,6 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
         kind=name,
         confidence=confidence if name == kind else 1.0 - confidence,
         shift_rad=fit.shift_rad,
-        explained=explained,
     )
 
 

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.compiled import compiled, elementwise
 
 _Sample = TypeVar("_Sample", np.float32, np.float64)
@@ -113,13 +113,18 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
     if not np.all(variance >= 0):
         raise ValueError(f"`noise_variance` must be >= 0 V^2, got {noise_variance!r}")
     energy = np.einsum("...k,...k->...", x, x)
-    if not np.isfinite(energy).all():
-        broken = np.flatnonzero(~np.all(np.isfinite(energy), axis=tuple(range(energy.ndim - 1)))) + 1
+    if broken := broken_channels(np.isfinite(energy)):
         raise ValueError(
-            f"`waveforms` must be finite, got NaN or infinity in channels {', '.join(map(str, broken))}; drop the "
-            "broken records or channels first"
+            f"`waveforms` must be finite, got NaN or infinity in channels {broken}; drop the broken records or "
+            "channels first"
         )
     return strengths_of_energies(energy, x.shape[-1], variance)
+
+
+def broken_channels(is_valid: BoolArray) -> str:
+    """List the numbers, from 1, of the channels that have an invalid value; channels are on the last axis."""
+    is_broken = ~is_valid.reshape(-1, is_valid.shape[-1]).all(axis=0)
+    return ", ".join(map(str, np.flatnonzero(is_broken) + 1))
 
 
 def strengths_of_energies(energy: FloatArray, n_samples: int, noise_variance: FloatArray) -> FloatArray:

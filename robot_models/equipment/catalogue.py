@@ -13,8 +13,11 @@ from typing import NamedTuple
 from pdpatrol.robot_models.equipment import kinds
 from pdpatrol.robot_models.equipment.kinds import Assembly
 
-Colour = tuple[float, float, float, float]
-"""Red, green, blue and opacity, each in [0, 1]."""
+Colour = tuple[float, float, float]
+"""Red, green and blue, each in [0, 1]."""
+
+FENCE_OPACITY = 0.35
+"""Opacity of wire mesh; all other equipment is opaque."""
 
 
 class CatalogueShape(NamedTuple):
@@ -45,31 +48,31 @@ CATALOGUE: dict[str, CatalogueShape] = {
 """Kinds that a yard can place without giving a shape."""
 
 KIND_COLOURS: dict[str, Colour] = {
-    **dict.fromkeys(("building", "control_building"), (0.76, 0.70, 0.62, 1.0)),
-    **dict.fromkeys(("fire_wall", "wall"), (0.58, 0.60, 0.62, 1.0)),
-    **dict.fromkeys(("gis", "gis_bay"), (0.74, 0.77, 0.80, 1.0)),
-    "busbar": (0.55, 0.58, 0.60, 1.0),
-    "bushing": (0.50, 0.28, 0.20, 1.0),
-    "cabinet": (0.36, 0.46, 0.44, 1.0),
-    "capacitor_bank": (0.58, 0.60, 0.44, 1.0),
-    "circuit_breaker": (0.62, 0.66, 0.70, 1.0),
-    "current_transformer": (0.52, 0.30, 0.22, 1.0),
-    "disconnector": (0.70, 0.66, 0.58, 1.0),
-    "fence": (0.50, 0.56, 0.54, 0.35),
-    "kerb": (0.66, 0.65, 0.62, 1.0),
-    "power_transformer": (0.45, 0.55, 0.50, 1.0),
-    "reactor": (0.72, 0.74, 0.70, 1.0),
-    "surge_arrester": (0.40, 0.42, 0.52, 1.0),
-    "voltage_transformer": (0.60, 0.36, 0.24, 1.0),
+    **dict.fromkeys(("building", "control_building"), (0.76, 0.70, 0.62)),
+    **dict.fromkeys(("fire_wall", "wall"), (0.58, 0.60, 0.62)),
+    **dict.fromkeys(("gis", "gis_bay"), (0.74, 0.77, 0.80)),
+    "busbar": (0.55, 0.58, 0.60),
+    "bushing": (0.50, 0.28, 0.20),
+    "cabinet": (0.36, 0.46, 0.44),
+    "capacitor_bank": (0.58, 0.60, 0.44),
+    "circuit_breaker": (0.62, 0.66, 0.70),
+    "current_transformer": (0.52, 0.30, 0.22),
+    "disconnector": (0.70, 0.66, 0.58),
+    "fence": (0.50, 0.56, 0.54),
+    "kerb": (0.66, 0.65, 0.62),
+    "power_transformer": (0.45, 0.55, 0.50),
+    "reactor": (0.72, 0.74, 0.70),
+    "surge_arrester": (0.40, 0.42, 0.52),
+    "voltage_transformer": (0.60, 0.36, 0.24),
 }
 """Colour of each kind."""
 
 PART_COLOURS: dict[str, Colour] = {
-    **dict.fromkeys(("hv_bushing", "lv_bushing", "pole", "post", "insulator"), (0.55, 0.27, 0.18, 1.0)),
-    **dict.fromkeys(("drive", "cubicle"), (0.40, 0.48, 0.46, 1.0)),
-    "column": (0.55, 0.58, 0.60, 1.0),
-    "tube": (0.80, 0.82, 0.84, 1.0),
-    "base": (0.62, 0.61, 0.58, 1.0),
+    **dict.fromkeys(("hv_bushing", "lv_bushing", "pole", "post", "insulator"), (0.55, 0.27, 0.18)),
+    **dict.fromkeys(("drive", "cubicle"), (0.40, 0.48, 0.46)),
+    "column": (0.55, 0.58, 0.60),
+    "tube": (0.80, 0.82, 0.84),
+    "base": (0.62, 0.61, 0.58),
 }
 """Colour of each part that differs from the colour of its kind: porcelain is brown, steel is grey."""
 
