@@ -27,8 +27,8 @@ from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.user_code import make_estimator
-from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
+from pdpatrol.robot_models.sensors import AntennaElements
 from pdpatrol.sensing.receiver.bank import ReceiverBank
 
 Rows = IntArray

@@ -26,8 +26,8 @@ from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
-from pdpatrol.robot_models.drawn_solids import describe_equipment, describe_solids
 from pdpatrol.robot_models.sensors import describe_lidar
+from pdpatrol.robot_models.world import describe_equipment, describe_solids
 
 FloatArray = NDArray[np.float64]
 

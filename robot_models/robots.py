@@ -14,11 +14,10 @@ from mujoco.batch import Batch
 from numpy.typing import ArrayLike
 
 from dirmusic.arrays import FloatArray, IntArray
-from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.description.robot_measures import driven_wheels
+from pdpatrol.robot_models.description.robot_file import driven_wheels
 from pdpatrol.robot_models.readings import Drive, Readings, read
-from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, AntennaElements
 from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
 from pdpatrol.robot_models.yard.yard import Yard

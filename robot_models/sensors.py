@@ -1,11 +1,17 @@
-"""Sensors that are added to each robot when a world is built: lidar beams, and contact sensors on the hull."""
+"""Sensors that are added to each robot when a world is built: lidar, contact sensors on the hull, antenna elements."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
 from __future__ import annotations
 
-import mujoco
+from pathlib import Path
+from typing import NamedTuple
 
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 FLOOR_CONTYPE = 1
@@ -23,6 +29,9 @@ LIDAR_RANGE_M = 12.0
 LIDAR_PERIOD_S = 0.1
 """Time between lidar scans and between commands. Contacts are stored for the same time. It is a multiple of the physics
 step."""
+
+MAX_ELEMENTS = 16
+"""Maximum number of antenna elements of a robot."""
 
 
 def describe_lidar(robot: RobotDescription) -> dict[str, float]:
@@ -76,3 +85,28 @@ def add_contact_sensors(spec: mujoco.MjSpec) -> None:
             intprm=[found_and_position, 0, 6],
             nsample=round(LIDAR_PERIOD_S / spec.option.timestep),
         )
+
+
+class AntennaElements(NamedTuple):
+    """Antenna elements in the array frame, which is the robot's base frame: x forward, y left, z up from the floor.
+
+    Attributes:
+        positions_m: Position of each element, shape (n_elements, 3).
+        azimuth_rad: Azimuth of each boresight, counter-clockwise from x, shape (n_elements,).
+        elevation_rad: Elevation of each boresight, shape (n_elements,).
+    """
+
+    positions_m: FloatArray
+    azimuth_rad: FloatArray
+    elevation_rad: FloatArray
+
+
+def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
+    """Attach a helix per element to the robot's base, with sites `element_1` to `element_n`, x along the boresight."""
+    base = spec.body("base")
+    helix = mujoco.MjSpec.from_file(str(Path(__file__).parent / "antenna" / "helix.xml"))
+    angles_rad = np.column_stack([elements.azimuth_rad, -elements.elevation_rad])
+    quaternions = Rotation.from_euler("ZY", angles_rad).as_quat(scalar_first=True)
+    for k, (position_m, quaternion) in enumerate(zip(elements.positions_m, quaternions, strict=True), start=1):
+        spec.attach(helix.copy(), frame=base.add_frame(pos=position_m, quat=quaternion), prefix=f"helix_{k}/")
+        spec.site(f"helix_{k}/element").name = f"element_{k}"

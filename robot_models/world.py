@@ -1,16 +1,29 @@
-"""MuJoCo model of a yard with one robot: floor, fence, equipment, and the robot's sensors and antenna elements."""
+"""MuJoCo model of a yard with one robot: floor, fence, equipment, and the robot's sensors and antenna elements.
+
+`describe_solids` describes its visible solids as plain data, so that they can be drawn without MuJoCo.
+"""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import mujoco
 import numpy as np
 
-from pdpatrol.robot_models.antenna_elements import AntennaElements, attach_elements
+from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.equipment.catalogue import FENCE_OPACITY, KIND_COLOURS, colour_of
-from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, OBSTACLE_CONTYPE, add_contact_sensors, add_lidar
+from pdpatrol.robot_models.sensors import (
+    FLOOR_CONTYPE,
+    OBSTACLE_CONTYPE,
+    AntennaElements,
+    add_contact_sensors,
+    add_lidar,
+    attach_elements,
+)
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -80,25 +93,23 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
 
     They are built in a separate spec and then attached, so that the defaults of the robot's file do not apply to them.
     """
-    own = mujoco.MjSpec()
-    _add_ground(own, yard)
-    _add_fence(own, yard)
+    own, middle_m = mujoco.MjSpec(), 0.5 * np.array(yard.size_m)
+    _add_ground(own, middle_m)
+    _add_fence(own, middle_m)
     for item in yard.equipment:
         add_equipment(own, item)
     spec.attach(own, frame=spec.worldbody.add_frame(), prefix="yard/")
     for element in (*spec.geoms, *spec.lights):
         element.name = element.name.removeprefix("yard/")
-    size_x, size_y = yard.size_m
-    spec.stat.center = [0.5 * size_x, 0.5 * size_y, 0.5]
-    spec.stat.extent = 0.5 * float(np.hypot(size_x, size_y))
+    spec.stat.center = [*middle_m, 0.5]
+    spec.stat.extent = np.hypot(*middle_m)
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
     spec.visual.map.shadowclip = 2.0  # with 1, the far floor is outside the sun's shadow map and looks speckled
 
 
-def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
-    """Add floor, sky and light."""
-    size_x, size_y = yard.size_m
+def _add_ground(spec: mujoco.MjSpec, middle_m: FloatArray) -> None:
+    """Add floor, sky and light to a yard with the given middle."""
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -124,8 +135,8 @@ def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
-        pos=[0.5 * size_x, 0.5 * size_y, 0.0],
-        size=[0.5 * size_x + 3.0, 0.5 * size_y + 3.0, 0.05],
+        pos=[*middle_m, 0.0],
+        size=[*middle_m + 3.0, 0.05],
         material="paving",
         contype=FLOOR_CONTYPE,
         conaffinity=0,
@@ -133,21 +144,21 @@ def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.worldbody.add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.5 * size_x, 0.5 * size_y, 22.0],  # if lower, the near corner of a yard is behind it and has no shadows
+        pos=[*middle_m, 22.0],  # if lower, the near corner of a yard is behind it and has no shadows
         dir=[0.4, 0.5, -1.0],
         diffuse=[0.6, 0.6, 0.6],
     )
 
 
-def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
-    """Add four thin boxes around the yard, with their inner faces on its boundary."""
-    middle, half = 0.5 * np.array(yard.size_m), 0.5 * FENCE_THICKNESS_M
+def _add_fence(spec: mujoco.MjSpec, middle_m: FloatArray) -> None:
+    """Add four thin boxes around a yard with the given middle, with their inner faces on its boundary."""
+    half_m = 0.5 * FENCE_THICKNESS_M
     for side, outward in {"south": (0, -1), "north": (0, 1), "west": (-1, 0), "east": (1, 0)}.items():
         spec.worldbody.add_geom(
             name=f"fence/{side}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[*middle + (middle + half) * outward, 0.5 * FENCE_HEIGHT_M],
-            size=[*np.where(outward, half, middle), 0.5 * FENCE_HEIGHT_M],
+            pos=[*middle_m + (middle_m + half_m) * outward, 0.5 * FENCE_HEIGHT_M],
+            size=[*np.where(outward, half_m, middle_m), 0.5 * FENCE_HEIGHT_M],
             rgba=[*KIND_COLOURS["fence"], FENCE_OPACITY],
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,
@@ -171,3 +182,47 @@ def add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,
         )
+
+
+def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
+    """Describe the shapes of the yard and the robot.
+
+    Of the robot, only the geoms in groups 0 to 2 are included, which MuJoCo's viewer shows by default.
+
+    Returns:
+        Lists `yard` (world frame) and `robot` (frame of the robot's base, origin on the floor under the axle). Each
+        solid has `name`, `group` (equipment, fence, robot), `shape`, `size_m` (MuJoCo's half sizes), `position_m`,
+        `quaternion_wxyz` and `rgba`.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)  # in the reference pose, the base is at the world's origin
+    shapes = ("box", "cylinder", "sphere", "ellipsoid", "capsule")
+    solids: dict[str, list[dict[str, Any]]] = {"yard": [], "robot": []}
+    for geom in range(model.ngeom):
+        name, is_robot = model.geom(geom).name, bool(model.geom_bodyid[geom] > 0)
+        shape = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+        if shape not in shapes or (is_robot and model.geom_group[geom] >= 3):
+            continue
+        quaternion, material = np.empty(4), int(model.geom_matid[geom])
+        mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])
+        rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+        solids["robot" if is_robot else "yard"].append(
+            {
+                "name": name or f"part_{geom}",
+                "group": "robot" if is_robot else name.partition("/")[0],
+                "shape": shape,
+                "size_m": model.geom_size[geom].tolist(),
+                "position_m": data.geom_xpos[geom].tolist(),
+                "quaternion_wxyz": quaternion.tolist(),
+                "rgba": rgba.tolist(),
+            }
+        )
+    return solids
+
+
+def describe_equipment(pieces: Iterable[Equipment]) -> list[dict[str, Any]]:
+    """Describe the shapes of equipment outside a world, such as wrong entries of a map, as in `describe_solids`."""
+    spec = mujoco.MjSpec()
+    for item in pieces:
+        add_equipment(spec, item)
+    return [{**solid, "group": "map"} for solid in describe_solids(spec.compile())["yard"]]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.robot_models.antenna_elements import AntennaElements
+from pdpatrol.robot_models.sensors import AntennaElements
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.sensing import HelicalArray
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.readings import VELOCITY
 from pdpatrol.robot_models.robots import Robots
+from pdpatrol.robot_models.sensors import AntennaElements
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
 from pdpatrol.robot_models.description.robot_description import xml_path
 from pdpatrol.robot_models.description.robot_file import load_robot
+from pdpatrol.robot_models.sensors import MAX_ELEMENTS, AntennaElements
 from pdpatrol.robot_models.world import CHASE, build_spec
 from tests.robot_models.one_robot import AZIMUTHS_RAD, RING_M, YARD
 

@@ -16,7 +16,7 @@ from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.recording import Recorder, write_recording
 from pdpatrol.missions.recording.findings import UNITS_PER_DB
-from pdpatrol.robot_models.drawn_solids import describe_equipment
+from pdpatrol.robot_models.world import describe_equipment
 from tests.missions.field.surveys import EXAMPLE, log_of_table
 from tests.missions.replay.read_back import Entities, read_recording, recorded
 from tests.missions.replay.short_mission import copy_of, short_mission
