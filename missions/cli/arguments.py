@@ -14,6 +14,7 @@ from dirmusic import InputFileError
 from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.cli.terminal import refuse
 
+MissionFolder = Annotated[Path, tyro.conf.arg(metavar="DIR")]
 OutFolder = Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")]
 JsonOutput = Annotated[bool, tyro.conf.arg(name="json")]
 Settings = Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="set", metavar="KEY=VALUES")]

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import tyro
-
-from pdpatrol.missions.cli.arguments import OutFolder
-from pdpatrol.missions.cli.mission_files import load_log
+from pdpatrol.missions.cli.arguments import MissionFolder, OutFolder
 from pdpatrol.missions.cli.terminal import err, note, output_folder, print_written
 from pdpatrol.missions.export.export_mission import export_mission
+from pdpatrol.missions.record.mission_log import MissionLog
 
 
 def export(
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")],
+    folder: MissionFolder,
+    /,
     *,
     out_dir: OutFolder = None,
 ) -> None:
@@ -28,7 +24,7 @@ def export(
         folder: Folder of a mission, as written by `pdpatrol run` or `pdpatrol locate`.
         out_dir: Folder to write to, new or empty. Default: runs/export-NAME, then -2, -3 and so on.
     """
-    log = load_log(folder)
+    log = MissionLog.load(folder)
     with output_folder(out_dir, f"export-{folder.resolve().name}") as target, err.status("Exporting"):
         written = export_mission(log, target)
     print_written(target, *written)

@@ -17,7 +17,8 @@ from pdpatrol.missions.runner import Stopwatch
 
 
 def locate(
-    table: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.csv")],
+    table: Annotated[Path, tyro.conf.arg(metavar="FILE.csv")],
+    /,
     *,
     survey: Annotated[SurveyOptions, tyro.conf.arg(name="")],
     out_dir: OutFolder = None,
@@ -49,7 +50,6 @@ def locate(
             report = write_mission(log, stopwatch.total_s, folder)
     if timing:
         print_times(stopwatch)
-    for text in report.notes:
-        note(text)
+    note(*report.notes)
     counts = f"{data.time_s.size} poses, {data.step.size} pulses, {report.n_bearings} bearings"
     print_outcome(report, folder, [counts], json_output)

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Mapping, Sequence
-from datetime import datetime
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import tomlkit
 
-from pdpatrol.envs.plausibility import plausibility
-from pdpatrol.envs.scenario import Scenario
 from pdpatrol.missions.atomic_file import write_text
-from pdpatrol.missions.cli.terminal import err, note, out, print_written, refuse
+from pdpatrol.missions.cli.terminal import err, note, out, print_written
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
@@ -25,15 +21,10 @@ from pdpatrol.missions.report.tables import candidates_table, findings_table
 from pdpatrol.missions.report.wording import summary_text
 from pdpatrol.missions.runner import Stopwatch
 
-
-def load_log(folder: Path) -> MissionLog:
-    """Load the log of a mission; print an error and exit if the folder has none."""
-    if not folder.is_dir():
-        refuse(f"{folder}: no such folder; give the folder of a mission")
-    try:
-        return MissionLog.load(folder)
-    except (FileNotFoundError, ValueError) as error:
-        refuse(str(error))
+CALIBRATION_HEADER = """\
+# Errors of one array, estimated from pulses; `pdpatrol run --calibration` starts from them.
+# By element: gain relative, offset in units of gain; covariance of all.
+"""
 
 
 def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
@@ -52,11 +43,11 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     Raises:
         OSError: If a file cannot be written. Those that exist are complete.
     """
+    log.meta["wall_time_s"] = wall_time_s
     log.save(folder)
     if "calibration" in log.meta:
-        when = datetime.now().astimezone().isoformat(timespec="seconds")
-        write_text(folder / "calibration.toml", f"# Written {when}\n{calibration_text(log.meta['calibration'])}")
-    report = write_report(log, wall_time_s, folder)
+        write_text(folder / "calibration.toml", CALIBRATION_HEADER + tomlkit.dumps(log.meta["calibration"]))
+    report = write_report(log, folder)
     if find_spec("rerun") is None:
         note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
     else:
@@ -66,29 +57,12 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     return report
 
 
-def calibration_text(calibration: Mapping[str, Any]) -> str:
-    """Return the text of a calibration file.
-
-    Args:
-        calibration: An `ArrayCalibration` as plain data.
-    """
-    return (
-        "# Errors of one array, estimated from pulses; `pdpatrol run --calibration` starts from them.\n"
-        "# By element: gain relative, offset in units of gain; covariance of all.\n" + tomlkit.dumps(calibration)
-    )
-
-
-def write_report(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
-    """Write report.json and then report.html, which takes longer; see `write_mission` for the arguments."""
-    report = make_report(log, wall_time_s, inspect_sites(log))
+def write_report(log: MissionLog, folder: Path) -> Report:
+    """Write report.json and then report.html, which takes longer, and return the report."""
+    report = make_report(log, log.meta.get("wall_time_s", 0.0), inspect_sites(log))
     write_text(folder / "report.json", report_text(report))
     write_text(folder / "report.html", report_page(log, report))
     return report
-
-
-def print_json(report: Report) -> None:
-    """Print report.json."""
-    out.print(report_text(report), end="", soft_wrap=True)
 
 
 def print_findings(report: Report) -> None:
@@ -96,12 +70,6 @@ def print_findings(report: Report) -> None:
     out.print(findings_table(report) if report.findings else summary_text(report), soft_wrap=not report.findings)
     if report.candidates:
         out.print(candidates_table(report))
-
-
-def print_plausibility(scenario: Scenario) -> None:
-    """Print notes on values in a scenario that are probably not intended; they are used nevertheless."""
-    for text in plausibility(scenario):
-        note(text)
 
 
 def print_times(stopwatch: Stopwatch) -> None:
@@ -115,7 +83,7 @@ def print_times(stopwatch: Stopwatch) -> None:
 def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
     """Print the report as JSON, or print findings, problems of the array, the given lines, and the files written."""
     if json_output:
-        print_json(report)
+        out.print_json(report_text(report))
         return
     print_findings(report)
     for heading, doubts in (("Receiver", report.channel_faults), ("Calibration", report.calibration)):

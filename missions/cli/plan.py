@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from typing import Annotated
 
-import tyro
 from pydantic import Field, PositiveFloat
 
 from pdpatrol.envs.scenario import load_scenario
@@ -18,7 +17,8 @@ from pdpatrol.missions.sweep.plan import parse_grid
 
 
 def plan(
-    scenario: tyro.conf.Positional[str] = "one_source",
+    scenario: str = "one_source",
+    /,
     *,
     settings: Settings = (),
     amplitude_v: Annotated[PositiveFloat, Field(le=1e6)] = 0.05,
@@ -48,7 +48,6 @@ def plan(
         made = make_plan(
             loaded, amplitude_v, lambda part, share: progress.update(bar, description=part, completed=share)
         )
-        progress.update(bar, description="picture", completed=0.95)
         with atomic_file(folder / "plan.png") as picture:
             draw_plan(made, picture)
         data = as_json(made)

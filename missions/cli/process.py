@@ -9,15 +9,15 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 FAILED, USAGE_ERROR = 1, 2
 """Exit statuses; after a signal, the status is 128 plus the number of the signal."""
 
-SIGNALS: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 EXTRAS = {"rerun": "viewer", "mcap": "ros", "mcap_ros2": "ros", "imageio": "video", "ray": "ray"}
 """Extra of the package that installs each optional library; `missions` installs all others."""
@@ -37,9 +37,7 @@ def command_process() -> Iterator[None]:
         received.append(number)
         raise KeyboardInterrupt
 
-    for number in SIGNALS:
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, interrupt)
+    _handle_signals(interrupt)
     warnings.showwarning = lambda message, *_, **__: print_error(f"note: {message}")
     try:
         yield
@@ -77,19 +75,21 @@ def deferred_signals() -> Iterator[list[int]]:
 
     def defer(number: int, frame: FrameType | None) -> None:
         received.append(number)
-        handler = handlers[received[0]]
-        if len(received) > 1 and callable(handler):
-            handler(received[0], frame)
+        if len(received) > 1:
+            handlers[received[0]](received[0], frame)
 
-    handlers = {number: signal.getsignal(number) for number in SIGNALS}
-    for number, handler in handlers.items():
-        if handler is not signal.SIG_IGN:
-            signal.signal(number, defer)
+    handlers = _handle_signals(defer)
     try:
         yield received
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+
+
+def _handle_signals(handler: Callable[[int, FrameType | None], object]) -> dict[int, Any]:
+    """Handle the signals that the parent process does not ignore; return their former handlers."""
+    handled = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    return {number: signal.signal(number, handler) for number in handled}
 
 
 def kill_children() -> None:

@@ -9,7 +9,7 @@ import tyro
 from pydantic import Field
 
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.cli.mission_files import load_log, write_mission
+from pdpatrol.missions.cli.mission_files import write_mission
 from pdpatrol.missions.cli.report import refused_if_damaged
 from pdpatrol.missions.cli.terminal import err, note, out, progress_bar, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -20,9 +20,8 @@ from pdpatrol.missions.video import write_film
 
 
 def replay(
-    folders: Annotated[
-        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="DIR [DIR ...]"), Field(min_length=1)
-    ],
+    folders: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")],
+    /,
     *,
     row: Annotated[tyro.conf.UseAppendAction[tuple[int, ...]], tyro.conf.arg(metavar="NUMBER")] = (),
     web: bool = False,
@@ -47,6 +46,8 @@ def replay(
         pace: Simulated seconds per second of the film. Default: the film lasts 20 s.
     """
     n_missions = max(len(row), len(folders))
+    if not folders:
+        refuse("DIR: at least one folder must be given, got none")
     if row and len(folders) > 1:
         refuse(f"--row needs one folder, that of a sweep, got {len(folders)}")
     for option, file, endings in (("--screenshot", screenshot, (".png",)), ("--video", video, (".mp4", ".gif"))):
@@ -62,7 +63,7 @@ def replay(
         refuse("--pace needs --video")
     if row:
         folders = tuple(_run_again(sweep, number) for number in row for sweep in folders)
-    logs = [load_log(folder) for folder in folders]
+    logs = [MissionLog.load(folder) for folder in folders]
     if video is not None:
         _film(logs[0], video, pace)
         if screenshot is None:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
 
-import tyro
-
-from pdpatrol.missions.cli.arguments import JsonOutput
-from pdpatrol.missions.cli.mission_files import load_log, print_findings, print_json, write_report
-from pdpatrol.missions.cli.terminal import print_written, refuse
-from pdpatrol.missions.report.records import read_report
+from pdpatrol.missions.cli.arguments import JsonOutput, MissionFolder
+from pdpatrol.missions.cli.mission_files import print_findings, write_report
+from pdpatrol.missions.cli.terminal import out, print_written, refuse
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.records import report_text
 
 
 def report(
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")],
+    folder: MissionFolder,
+    /,
     *,
     json_output: JsonOutput = False,
 ) -> None:
@@ -29,14 +28,11 @@ def report(
         folder: Folder of a mission.
         json_output: Print the report as JSON instead of a table.
     """
-    log = load_log(folder)
-    wall_time_s = 0.0
-    with suppress(OSError, ValueError):
-        wall_time_s = read_report((folder / "report.json").read_text(encoding="utf-8")).wall_time_s
+    log = MissionLog.load(folder)
     with refused_if_damaged(folder):
-        made = write_report(log, wall_time_s, folder)
+        made = write_report(log, folder)
     if json_output:
-        print_json(made)
+        out.print_json(report_text(made))
         return
     print_findings(made)
     print_written(folder, "report.json", "report.html")

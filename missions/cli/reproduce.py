@@ -6,12 +6,11 @@ from typing import Annotated
 
 from pydantic import Field, NonNegativeInt
 from rich.box import SIMPLE_HEAD
-from rich.progress import Progress
 from rich.table import Table
 
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_times
-from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written
+from pdpatrol.missions.cli.terminal import out, output_folder, print_written, progress_bar
 from pdpatrol.missions.reproduction.comparison import verdict
 from pdpatrol.missions.reproduction.reproduce import COLUMNS, PARTS, cells, write_reproduction
 from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
@@ -40,7 +39,7 @@ def reproduce(
     """
     stopwatch = Stopwatch()
     with output_folder(out_dir, f"reproduction-{seed}") as folder:
-        with stopwatch.on("trials"), Progress(console=err, transient=True) as progress:
+        with stopwatch.on("trials"), progress_bar() as progress:
             bar = progress.add_task(f"{trials} trials per cell", total=len(PARTS))
             exhibits = run_trials(trials, seed, lambda: progress.advance(bar))
         with stopwatch.on("pictures and page"):

@@ -8,13 +8,14 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
+from pdpatrol.missions.cli.terminal import note, out, output_folder, refuse
 from pdpatrol.missions.sweep import analysis, dataset, tables
 from pdpatrol.missions.sweep.figures import draw_figures
 
 
 def results(
-    folder: tyro.conf.Positional[tuple[Path, ...]],
+    folder: tuple[Path, ...],
+    /,
     *,
     markdown: bool = False,
     csv_output: Annotated[bool, tyro.conf.arg(name="csv")] = False,
@@ -51,7 +52,7 @@ def results(
     if figures is not None:
         with output_folder(figures, "", "--figures") as figure_folder:
             written = draw_figures(rows, figure_folder)
-        print_written(figures, *(path.name for path in written), console=err)
+        note(f"{len(written)} figures were written to {figures}")
     summaries = analysis.summarise_groups(rows)
     if markdown:
         sys.stdout.write(tables.markdown_table(summaries))

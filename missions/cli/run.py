@@ -9,14 +9,14 @@ from typing import Annotated, Any
 
 import tyro
 from pydantic import NonNegativeInt
-from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
+from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
-from pdpatrol.missions.cli.mission_files import print_outcome, print_plausibility, print_times, write_mission
-from pdpatrol.missions.cli.process import FAILED, deferred_signals, print_error
-from pdpatrol.missions.cli.terminal import err, output_folder, progress_bar
+from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
+from pdpatrol.missions.cli.process import deferred_signals
+from pdpatrol.missions.cli.terminal import err, fail, note, output_folder, progress_bar
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
@@ -24,7 +24,8 @@ from pdpatrol.missions.runner import Mission, Stopwatch
 
 
 def run(
-    scenario: tyro.conf.Positional[str] = "one_source",
+    scenario: str = "one_source",
+    /,
     *,
     policy: Annotated[str, tyro.conf.arg(metavar="{seek,active,patrol,random,oracle,FILE.py:NAME}")] = "seek",
     seed: NonNegativeInt = 0,
@@ -80,11 +81,10 @@ def run(
             from pdpatrol.missions.recording import LiveView  # Rerun is optional
 
             viewer = LiveView()
-        print_plausibility(loaded)
+        note(*plausibility(loaded))
         with stopwatch.on("starting"):
             mission = Mission(loaded, policy, seed, folder, stopwatch)
-        columns = TextColumn("{task.description:<36}"), BarColumn(), TimeRemainingColumn()
-        with progress_bar(*columns) as progress, deferred_signals() as received:
+        with progress_bar() as progress, deferred_signals() as received:
             bar = progress.add_task("start", total=loaded.task.time_limit_s)
             n_printed = 0
 
@@ -96,7 +96,7 @@ def run(
                     if kind not in ("waypoint", "error", "end"):
                         progress.console.print(f"{mission.time_s:6.1f} s  {event}")
                 text = f"{mission.policy.phase}, {mission.n_visited} waypoints"
-                progress.update(bar, completed=mission.time_s, description=text)
+                progress.update(bar, completed=mission.time_s, description=f"{text:<36}")
                 if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
                     viewer.update(mission.log)
                 if received and not mission.is_over:
@@ -109,8 +109,7 @@ def run(
     if timing:
         print_times(stopwatch)
     if mission.error is not None:
-        print_error(str(mission.error))
-        sys.exit(FAILED)
+        fail(str(mission.error))
     if received:
         sys.exit(128 + received[0])
 
@@ -126,9 +125,6 @@ def _summary(report: Report) -> list[str]:
     for kind, numbers in (("missed", report.waypoints.missed), ("unreachable", report.waypoints.unreachable)):
         if numbers:
             lines.append(f"waypoints {kind}: {', '.join(map(str, numbers))}")
-    if report.evaluation is not None:
-        sources, n_false = report.evaluation.sources, report.evaluation.false_findings
-        lines.append(
-            f"{sum(source.found for source in sources)} of {len(sources)} sources found, {n_false} false findings"
-        )
-    return lines
+    scores = report.scores
+    found = f"{len(scores.matches)} of {len(scores.sources)} sources found"
+    return [*lines, f"{found}, {scores.false_findings} false findings"]

@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 
 import tyro
 from pydantic import Field, PositiveFloat, PositiveInt
-from rich.progress import BarColumn, MofNCompleteColumn, TimeRemainingColumn
 
 from pdpatrol.missions.cli.arguments import OutFolder, Settings
 from pdpatrol.missions.cli.process import one_line
@@ -26,7 +25,8 @@ from pdpatrol.missions.sweep.tables import terminal_table
 
 
 def sweep(
-    scenario: tyro.conf.Positional[tuple[str, ...]] = ("one_source",),
+    scenario: tuple[str, ...] = ("one_source",),
+    /,
     *,
     policy: Annotated[tuple[str, ...], Field(min_length=1)] = ("seek",),
     seeds: str | None = None,
@@ -79,12 +79,13 @@ def sweep(
     done = set(dataset.read()["key"])
     shard_jobs = plan.jobs[part - 1 :: n_parts]
     jobs = [job for job in shard_jobs if job.key not in done]
+    n_missions = len(shard_jobs)
     if jobs:
         compile_at_first_run(err)  # otherwise every worker would compile the same code
     limits = MissionLimits(wall_limit_s, int(memory_gb * 1e9))
     try:
-        with progress_bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
-            bar = progress.add_task("missions", total=len(shard_jobs), completed=len(shard_jobs) - len(jobs))
+        with progress_bar() as progress:
+            bar = progress.add_task(f"{n_missions} missions", total=n_missions, completed=n_missions - len(jobs))
 
             def finish(row: MissionRow) -> None:
                 dataset.write(row)

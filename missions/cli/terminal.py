@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from rich.console import Console
-from rich.progress import Progress, ProgressColumn
+from rich.progress import Progress
 
 from pdpatrol.missions.cli.process import FAILED, USAGE_ERROR, one_line, print_error
 
@@ -34,19 +34,20 @@ def fail(error: str) -> NoReturn:
     sys.exit(FAILED)
 
 
-def note(text: str) -> None:
-    """Print a note on something unusual, on the standard error output."""
-    err.print(f"note: {one_line(text)}", soft_wrap=True)
+def note(*texts: str) -> None:
+    """Print notes on something unusual, one line each, on the standard error output."""
+    for text in texts:
+        err.print(f"note: {one_line(text)}", soft_wrap=True)
 
 
-def progress_bar(*columns: ProgressColumn) -> Progress:
+def progress_bar() -> Progress:
     """Return a progress bar on the standard error output, which is shown on terminals only."""
-    return Progress(*columns, console=err, transient=True, disable=not err.is_terminal)
+    return Progress(console=err, transient=True, disable=not err.is_terminal)
 
 
-def print_written(folder: Path, *names: str, console: Console = out) -> None:
+def print_written(folder: Path, *names: str) -> None:
     """Print which files were written."""
-    console.print(f"Written to {one_line(str(folder))}: {', '.join(names)}", soft_wrap=True)
+    out.print(f"Written to {one_line(str(folder))}: {', '.join(names)}", soft_wrap=True)
 
 
 @contextmanager
@@ -82,10 +83,9 @@ def output_folder(given: Path | None, name: str, option: str = "--out") -> Itera
 
 def _new_folder(name: str) -> Path:
     """Make the next free folder under runs/."""
-    Path("runs").mkdir(exist_ok=True)
     for number in count(1):
-        folder = Path("runs") / (name if number == 1 else f"{name}-{number}")
+        folder = Path("runs", name if number == 1 else f"{name}-{number}")
         with suppress(FileExistsError):
-            folder.mkdir()
+            folder.mkdir(parents=True)
             return folder
     raise AssertionError

@@ -19,7 +19,8 @@ from pdpatrol.missions.report.records import report_text
 
 
 def trend(
-    run: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RUN")],
+    run: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN")],
+    /,
     *,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
@@ -43,7 +44,7 @@ def trend(
             write_text(folder / "trend.json", report_text(found))
             write_text(folder / "trend.html", trend_page(found, inspections))
     if json_output:
-        out.print(report_text(found), end="", soft_wrap=True)
+        out.print_json(report_text(found))
         return
     title = f"{found.scenario}: {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}, 99 % intervals"
     table = Table(*HEADINGS, title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     """
     report = make_report(log, 0.0)
     located = (*report.findings, *report.candidates)
-    table = pd.DataFrame([_facts(finding) for finding in located], columns=FINDING_COLUMNS)
+    table = pd.DataFrame([_facts(finding) for finding in located], columns=list(FINDING_COLUMNS))
     writers: dict[str, Callable[[Path], object]] = {
         "findings.csv": partial(table.to_csv, index=False),
         "steps.parquet": partial(_steps(log).to_parquet, index=False),
@@ -60,9 +60,8 @@ def _write_geojson(findings: Sequence[FindingRecord], reference: GeoreferenceCon
         outline = longitude_latitude(outline_m, reference).tolist()
         point = {"type": "Point", "coordinates": [*place, round(position_m[2], 3)]}
         polygon = {"type": "Polygon", "coordinates": [[*outline[:-1], outline[0]]]}
-        facts = dict(zip(FINDING_COLUMNS, _facts(finding), strict=True))
         features += [
-            {"type": "Feature", "id": f"finding-{finding.id}", "geometry": point, "properties": facts},
+            {"type": "Feature", "id": f"finding-{finding.id}", "geometry": point, "properties": _facts(finding)},
             {"type": "Feature", "id": f"ellipse-{finding.id}", "geometry": polygon, "properties": {"id": finding.id}},
         ]
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n")
@@ -73,49 +72,46 @@ def longitude_latitude(places_m: FloatArray, reference: GeoreferenceConfig) -> F
     ground = Proj(proj="aeqd", lat_0=reference.latitude_deg, lon_0=reference.longitude_deg, ellps="WGS84")
     # East and north of the origin, as real and imaginary part.
     turned_m = (places_m[..., 0] + 1j * places_m[..., 1]) * np.exp(-1j * np.radians(reference.heading_deg))
-    return np.round(ground(turned_m.real, turned_m.imag, inverse=True), 8).T  # to the millimetre
+    return np.array(ground(turned_m.real, turned_m.imag, inverse=True)).T.round(8)  # to the millimetre
 
 
-FINDING_COLUMNS = (
-    "id",
-    "state",
-    "site",
-    "site_probability",
-    "kind",
-    "kind_confidence",
-    "x_m",
-    "y_m",
-    "z_m",
-    "std_x_m",
-    "std_y_m",
-    "std_z_m",
-    "ellipse95_semi_major_m",
-    "ellipse95_semi_minor_m",
-    "level_db",
-    "rate_per_s",
-    "n_bearings",
-    "first_detected_s",
-    "confirmed_s",
-)
+FINDING_COLUMNS = {
+    "id": "id",
+    "state": "state",
+    "site": "sites.0.name",
+    "site_probability": "sites.0.probability",
+    "kind": "discharge.kind",
+    "kind_confidence": "discharge.confidence",
+    "x_m": "position_m.0",
+    "y_m": "position_m.1",
+    "z_m": "position_m.2",
+    "std_x_m": "position_std_m.0",
+    "std_y_m": "position_std_m.1",
+    "std_z_m": "position_std_m.2",
+    "ellipse95_semi_major_m": "ellipse95.semi_major_m",
+    "ellipse95_semi_minor_m": "ellipse95.semi_minor_m",
+    "level_db": "strength.level_db",
+    "rate_per_s": "strength.rate_per_s",
+    "n_bearings": "n_bearings",
+    "first_detected_s": "first_detected_s",
+    "confirmed_s": "confirmed_s",
+}
+"""Columns of findings.csv, and the place of each value in a finding of report.json."""
 
 
-def _facts(finding: FindingRecord) -> list[Any]:
+def _facts(finding: FindingRecord) -> dict[str, Any]:
     """Return the values of `FINDING_COLUMNS`, rounded as in report.json; None for unknown ones."""
     record = finding.model_dump(mode="json")
+    return {name: _value(record, place.split(".")) for name, place in FINDING_COLUMNS.items()}
 
-    def values(part: Mapping[str, Any] | None, *names: str) -> list[Any]:
-        return [(part or {}).get(name) for name in names]
 
-    return [
-        *values(record, "id", "state"),
-        *values(next(iter(record["sites"]), None), "name", "probability"),
-        *values(record["discharge"], "kind", "confidence"),
-        *record["position_m"],
-        *record["position_std_m"],
-        *values(record["ellipse95"], "semi_major_m", "semi_minor_m"),
-        *values(record["strength"], "level_db", "rate_per_s"),
-        *values(record, "n_bearings", "first_detected_s", "confirmed_s"),
-    ]
+def _value(part: Any, keys: Iterable[str]) -> Any:  # noqa: ANN401 - a part of JSON data
+    """Return a value of nested dictionaries and lists; None if it is missing."""
+    for key in keys:
+        if not part:
+            return None
+        part = part[int(key)] if isinstance(part, list) else part[key]
+    return part
 
 
 def _steps(log: MissionLog) -> pd.DataFrame:

@@ -10,13 +10,11 @@ import numpy as np
 from dirmusic import InputFileError, PulseBatch
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.field.input_table import InputTable, read_table
-from pdpatrol.missions.field.waveform_files import (
-    MAX_CHANNELS,
-    MAX_VOLTS,
-    MIN_CHANNELS,
-    TablePulses,
-    read_waveforms,
-)
+from pdpatrol.missions.field.waveform_files import MAX_VOLTS, TablePulses, read_waveforms
+
+MIN_CHANNELS, MAX_CHANNELS = 3, 32
+"""Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
+array has more than 32."""
 
 MIN_STRENGTH_V = 1e-12
 """Strength below which a value counts as zero, and smallest standard deviation. Assumed; no receiver resolves it."""
@@ -73,12 +71,13 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     """
     table = read_table(path)
     strengths, deviations = _check_columns(table)
-    pose_columns = [
-        table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
-        table.numbers(-1e5, 1e5, "x_m", "y_m"),
-        np.radians(table.numbers(-720, 720, "yaw_deg")),
-    ]
-    poses = np.hstack(pose_columns)
+    poses = np.hstack(
+        [
+            table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
+            table.numbers(-1e5, 1e5, "x_m", "y_m"),
+            np.radians(table.numbers(-720, 720, "yaw_deg")),
+        ]
+    )
     time_s, phase_rad = poses[:, 0], np.full(len(poses), np.nan)
     if "mains_phase_deg" in table.columns:
         phase_rad = np.radians(table.numbers(-360, 360, "mains_phase_deg")[:, 0]) % (2 * np.pi)
@@ -93,8 +92,9 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     if np.isfinite(phase_rad).any() and pulses.row.size > time_s.size:
         raise InputFileError([f"{path}: mains_phase_deg needs one pulse per row, and a waveform file holds several"])
     is_alive = np.any(np.nan_to_num(pulses.strengths_v) > 0, axis=0)
-    if is_alive.sum() < MIN_CHANNELS:
-        raise InputFileError([f"{path}: must have {MIN_CHANNELS} or more channels with a signal, got {is_alive.sum()}"])
+    if not MIN_CHANNELS <= is_alive.sum() <= MAX_CHANNELS:
+        must = f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels with a signal"
+        raise InputFileError([f"{path}: {must}, got {is_alive.sum()}"])
     is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
     steps, step_of_row, notes = _steps(poses)
     notes += doubts(steps[:, 1:])
@@ -173,8 +173,6 @@ def _check_columns(table: InputTable) -> tuple[list[str], list[str]]:
                 f"{table.path}: column {', '.join(names):.200} is {kind}; columns are time_s, x_m, y_m, yaw_deg, "
                 "either waveform or strength_1, strength_2 ... and std_1, std_2 ..., and mains_phase_deg"
             )
-    if n and not MIN_CHANNELS <= n <= MAX_CHANNELS:
-        table.errors.append(f"{table.path}: must have {MIN_CHANNELS} to {MAX_CHANNELS} columns of strengths, got {n}")
     table.check()
     return strengths, deviations
 

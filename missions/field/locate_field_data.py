@@ -8,6 +8,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 from threadpoolctl import threadpool_limits
 
 from dirmusic import (
@@ -102,6 +103,11 @@ def locate_field_data(
     tracker = Tracker(log, locator, array, pose_error, maximum_likelihood, FIELD_RULES.credibility)
     with threadpool_limits(limits=1):
         pulses, suspects = ChannelMonitor(array, maximum_likelihood).watch(data.pulses)
+        for note in data.notes:
+            log.event("note", note)
+        for suspect in suspects:  # numbered as in the files, including the dead channels
+            recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
+            log.event("channel fault", f"{recorded}: left out")
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
         no_pose, due_s = np.full(3, np.nan), data.time_s[0] + 1.0
         for step, (time_s, pose) in enumerate(zip(data.time_s.tolist(), data.pose, strict=True)):
@@ -116,12 +122,6 @@ def locate_field_data(
                 phase="field",
                 phase_target=0,
             )
-            if step == 0:
-                for note in data.notes:
-                    log.event("note", note)
-                for suspect in suspects:  # numbered as in the files, including the dead channels
-                    recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
-                    log.event("channel fault", f"{recorded}: left out")
             tracker.track(time_s, pose, pulses.take(slice(first[step], first[step + 1])))
             if time_s >= due_s or 0 < step == data.time_s.size - 1:  # in the first step, `track` fits
                 tracker.refit(time_s)
@@ -142,30 +142,17 @@ def locate_field_data(
 
 
 def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions) -> dict[str, Any]:
-    """Return the metadata of the survey; the assumed errors are stored under the keys of a scenario."""
+    """Return the metadata of the survey."""
     low, high = data.pose[:, :2].min(axis=0) - 10.0, data.pose[:, :2].max(axis=0) + 10.0  # shown around the poses
-    n_elements = array.manifold.n_elements
     return {
         "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
         "name": data.path.stem,
         "seed": None,
         "policy": None,
         "date": survey.date,
-        "field_data": {"file": data.path.name, "channels": (data.channels + 1).tolist(), "recorded": data.n_recorded},
-        "n_elements": n_elements,
+        "field_data": {"file": data.path.name},
+        "n_elements": array.manifold.n_elements,
         "array": describe_array(array),
         "bounds_m": [low.tolist(), high.tolist()] if survey.yard_m is None else [[0.0, 0.0], survey.yard_m],
-        "settings": {
-            "array": {
-                "n_elements": n_elements,
-                "height_m": survey.height_m,
-                "gain_error": survey.gain_error,
-                "pointing_error_deg": survey.pointing_error_deg,
-            },
-            "pose_sensor": {
-                "position_std_m": survey.position_std_m,
-                "heading_std_deg": survey.heading_std_deg,
-                "correlation_s": survey.pose_correlation_s,
-            },
-        },
+        "settings": {"survey": TypeAdapter(SurveyOptions).dump_python(survey, mode="json")},
     }

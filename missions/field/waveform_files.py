@@ -12,15 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import InputFileError, cut_windows, pulse_start, strength_variance
+from dirmusic import InputFileError, pulse_start, strength_variance
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.input_file import opened
 from dirmusic.pulses.strengths import strengths_of_energies
 from pdpatrol.missions.field.input_table import InputTable, read_table
-
-MIN_CHANNELS, MAX_CHANNELS = 3, 32
-"""Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
-array has more than 32."""
 
 MAX_VOLTS = 1e6
 """Largest sample, and strength of a pulse. Assumed; no receiver withstands more."""
@@ -88,7 +84,7 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
             for samples in record.samples:
                 volts = np.multiply(samples, record.volts_per_sample, dtype=np.float64)
                 start = pulse_start(volts, n_gate)
-                energies.append(np.square(cut_windows(volts, start, n_gate)).sum(axis=-1))
+                energies.append(np.square(volts[:, start : start + n_gate]).sum(axis=-1))
                 sample = np.arange(volts.shape[-1]) - start
                 is_noise = (sample < -10) | (sample >= 2 * n_gate)  # a pulse may begin before its gate and end after it
                 if is_noise.sum() >= 16:
@@ -117,16 +113,11 @@ def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> T
 def _read_record(path: Path) -> WaveformRecord:
     """Read one waveform file; raise ValueError without its name, or InputFileError with it."""
     record = _read_csv(path) if path.suffix.lower() == ".csv" else _read_npz(path)
-    _, n_channels, n_samples = record.samples.shape
-    if not MIN_CHANNELS <= n_channels <= MAX_CHANNELS or n_samples > 10**7 // n_channels:  # 80 MB as float64
-        raise ValueError(
-            f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels and 1e7 samples of a pulse in all of them together, "
-            f"got {n_channels} channels of {n_samples} samples"
-        )
     largest_v = max(float(record.samples.max()), -float(record.samples.min())) * record.volts_per_sample
     for name, value, low, high in (
         ("sample_rate_hz", record.sample_rate_hz, 1e6, 1e12),  # pulses last for nanoseconds
         ("volts_per_count", record.volts_per_sample, 1e-15, MAX_VOLTS),
+        ("the number of samples of a pulse", record.samples[0].size, 1, 1e7),  # 80 MB as float64
         ("the largest sample in volts", largest_v, 0.0, MAX_VOLTS),
     ):
         if not low <= value <= high:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.events import EventKind
 
@@ -180,14 +181,13 @@ class MissionLog:
         """Read `log.npz` in a mission's folder, or the parts of a killed mission.
 
         Raises:
-            FileNotFoundError: If the folder contains neither.
-            ValueError: If a file is damaged, is not a log, or has another schema.
+            InputFileError: If the folder contains neither, or a file is damaged, is not a log, or has another schema.
         """
         files = [folder / "log.npz"]
         if not files[0].exists():
             files = sorted((folder / "log.parts").glob("part-*.npz"))
         if not files:
-            raise FileNotFoundError(f"{folder}: holds no log.npz and no log.parts; give the folder of a mission")
+            raise InputFileError([f"{folder}: holds no log.npz and no log.parts; give the folder of a mission"])
         log: MissionLog | None = None
         for file in files:
             try:
@@ -202,9 +202,8 @@ class MissionLog:
                     log._add(archive)
             except Exception as error:  # damaged archives and array headers raise many types
                 reason = " ".join(str(error).split())
-                raise ValueError(
-                    f"{file}: is not the log of a mission ({reason:.200}); give a folder that `pdpatrol run` wrote"
-                ) from None
+                text = f"is not the log of a mission ({reason:.200}); give a folder that `pdpatrol run` wrote"
+                raise InputFileError([f"{file}: {text}"]) from None
         assert log is not None
         return log
 

@@ -83,7 +83,7 @@ def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
     Yard and route are omitted because the plan shows them, and sources because they are the truth.
     """
     known, lines = meta.get("scenario") or meta.get("settings", {}), dict[str, str]()
-    for name in ("array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):
+    for name in ("survey", "array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):
         values = {
             key: value for key, value in known.get(name, {}).items() if key != "faults" and value not in (None, [])
         }

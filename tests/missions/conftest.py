@@ -1,4 +1,7 @@
-"""Fixture that calls verbs of the command line, which must refuse their arguments, in the process of the test."""
+"""Fixture that calls verbs of the command line, which must refuse their arguments, in the process of the test.
+
+A command that starts as a process takes two seconds longer.
+"""
 
 from collections.abc import Callable
 from importlib import import_module

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,8 +13,10 @@ import pytest
 
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.missions.cli import VERBS
+from pdpatrol.missions.cli.arguments import call_verb
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import read_report
+from tests.missions.conftest import Refused
 from tests.processes import PDPATROL, assert_times_add_up, pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
@@ -30,11 +33,19 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("verb", [[], *([verb] for verb in VERBS)], ids=lambda verb: " ".join(verb))
-def test_help_of_every_verb_shows_usage(verb: list[str], tmp_path: Path) -> None:
-    done = pdpatrol(*verb, "--help", cwd=tmp_path)
+def test_help_lists_the_verbs(tmp_path: Path) -> None:
+    done = pdpatrol("--help", cwd=tmp_path)
     assert done.returncode == 0
-    assert f"usage: {' '.join(['pdpatrol', *verb])}" in done.stdout
+    assert "usage: pdpatrol VERB" in done.stdout
+    assert all(f"\n  {verb} " in done.stdout for verb in VERBS)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_every_verb_shows_usage(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        call_verb(getattr(import_module(f"pdpatrol.missions.cli.{verb}"), verb), ["--help"])
+    assert ended.value.code == 0
+    assert f"usage: pdpatrol {verb} " in capsys.readouterr().out
 
 
 def test_version_is_that_of_the_package(tmp_path: Path) -> None:
@@ -64,13 +75,14 @@ def test_help_and_version_load_nothing_heavy(argument: str, tmp_path: Path) -> N
     [
         ("run nowhere", "nowhere"),
         ("run --seed -1", "--seed: must be greater than or equal to 0, got -1"),
-        ("replay nowhere", "nowhere: no such folder"),
-        ("report nowhere", "nowhere: no such folder"),
-        ("export nowhere", "nowhere: no such folder"),
+        ("replay", "DIR: at least one folder must be given, got none"),
+        ("replay nowhere", "nowhere: holds no log.npz"),
+        ("report nowhere", "nowhere: holds no log.npz"),
+        ("export nowhere", "nowhere: holds no log.npz"),
     ],
 )
-def test_wrong_argument_is_refused_in_one_line(arguments: str, message: str, tmp_path: Path) -> None:
-    (line,) = refusal(pdpatrol(*arguments.split(), cwd=tmp_path))
+def test_wrong_argument_is_refused_in_one_line(arguments: str, message: str, tmp_path: Path, refused: Refused) -> None:
+    (line,) = refused(*arguments.split(), cwd=tmp_path)
     assert message in line
     assert list(tmp_path.iterdir()) == []
 
@@ -97,24 +109,24 @@ def test_json_is_the_report_and_nothing_else(short: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("verb", ["run", "scenarios"])
-def test_errors_of_a_scenario_are_one_line_each(verb: str, short: Path, tmp_path: Path) -> None:
+def test_errors_of_a_scenario_are_one_line_each(verb: str, short: Path, tmp_path: Path, refused: Refused) -> None:
     text = short.read_text(encoding="utf-8").replace("gain_error = 0.05", "gain_error = -0.05\ncolour = 1")
     short.write_text(text, encoding="utf-8")
-    lines = refusal(pdpatrol(verb, "short.toml", cwd=tmp_path))
+    lines = refused(verb, "short.toml", cwd=tmp_path)
     assert len(lines) == 2
     assert all(line.startswith("short.toml: array.") for line in lines)
     assert [path.name for path in tmp_path.iterdir()] == ["short.toml"]
 
 
-@pytest.mark.parametrize("verb", ["run", "scenarios"])
-def test_implausible_scenario_is_noted_and_used(verb: str, short: Path, tmp_path: Path) -> None:
+def test_implausible_scenario_is_noted_and_used(short: Path, tmp_path: Path) -> None:
     assert "no errors" in pdpatrol("scenarios", "short.toml", cwd=tmp_path).stdout
     text = short.read_text(encoding="utf-8").replace("[[sources]]", "[[sources]]\nactive_s = [100.0, 200.0]")
     short.write_text(text, encoding="utf-8")
-    done = pdpatrol(verb, "short.toml", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    (note,) = [line for line in done.stderr.splitlines() if line.startswith("note: ")]
-    assert note.endswith("does not discharge within the mission")
+    for verb in ("run", "scenarios"):
+        done = pdpatrol(verb, "short.toml", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        (note,) = [line for line in done.stderr.splitlines() if line.startswith("note: ")]
+        assert note.endswith("does not discharge within the mission")
 
 
 def run_until_parts(folder: Path) -> subprocess.Popen[str]:
@@ -167,7 +179,10 @@ def test_reproduce_writes_numbers_and_pictures(tmp_path: Path) -> None:
     assert json.loads(done.stdout) == data
     assert (data["trials"], data["seed"]) == (100, 4)
     assert len(list(folder.glob("*.png"))) == 10
-    assert refusal(pdpatrol("reproduce", "--trials", 99, "--seed", -1, cwd=tmp_path)) == [
+
+
+def test_options_of_reproduce_out_of_range_are_one_line_each(tmp_path: Path, refused: Refused) -> None:
+    assert refused("reproduce", "--trials", 99, "--seed", -1, cwd=tmp_path) == [
         "--trials: must be greater than or equal to 100, got 99",
         "--seed: must be greater than or equal to 0, got -1",
     ]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomlkit
 
 from dirmusic import InputFileError
 from dirmusic.array.element_errors import DRIFT, EstimatedErrors
@@ -13,8 +14,9 @@ from dirmusic.locating.locator import Learned
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
-from pdpatrol.missions.cli.mission_files import calibration_text
-from tests.processes import pdpatrol, refusal
+from pdpatrol.missions.cli.mission_files import CALIBRATION_HEADER
+from tests.missions.conftest import Refused
+from tests.processes import pdpatrol
 
 ROOT = Path(__file__).parents[3]
 NUMBER = {"array.serial_number": 7}
@@ -33,7 +35,7 @@ def calibration_of(scenario: Scenario, before: ArrayCalibration | None = None) -
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "calibration.toml"
     calibration = calibration_of(load_scenario("one_source", NUMBER)).model_dump(mode="json")
-    path.write_text(calibration_text(calibration), encoding="utf-8")
+    path.write_text(CALIBRATION_HEADER + tomlkit.dumps(calibration), encoding="utf-8")
     return path
 
 
@@ -124,18 +126,18 @@ def test_damaged_calibration_is_refused(damage: str, file: Path) -> None:
 
 
 @pytest.mark.whole
-def test_run_with_damaged_calibration_writes_nothing(file: Path, tmp_path: Path) -> None:
+def test_run_with_damaged_calibration_writes_nothing(file: Path, tmp_path: Path, refused: Refused) -> None:
     file.write_text(file.read_text(encoding="utf-8")[:300], encoding="utf-8")
     table = str(ROOT / "examples" / "locate" / "strengths.csv")
     for command in (["run", "--serial-number", "7"], ["locate", table]):
         for name in (file.name, "none.toml"):
-            (line,) = refusal(pdpatrol(*command, "--calibration", name, "--out", "here", cwd=tmp_path))
+            (line,) = refused(*command, "--calibration", name, "--out", "here", cwd=tmp_path)
             assert line.startswith(f"{name}: ")
     assert [path.name for path in tmp_path.iterdir()] == [file.name]
 
 
 @pytest.mark.whole
-def test_field_data_write_and_use_calibrations(tmp_path: Path) -> None:
+def test_field_data_write_and_use_calibrations(tmp_path: Path, refused: Refused) -> None:
     shutil.copy(ROOT / "examples" / "locate" / "strengths.csv", tmp_path / "strengths.csv")
     first = pdpatrol("locate", "strengths.csv", "--out", "first", cwd=tmp_path)
     assert first.returncode == 0, first.stderr
@@ -145,7 +147,6 @@ def test_field_data_write_and_use_calibrations(tmp_path: Path) -> None:
     assert second.returncode == 0, second.stderr
     calibrations = [read_calibration(tmp_path / name / "calibration.toml") for name in ("first", "second")]
     assert [calibration.n_missions for calibration in calibrations] == [1, 2]
-    other = pdpatrol("locate", "strengths.csv", *learned, "--gain-error", "0.1", "--out", "third", cwd=tmp_path)
-    (line,) = refusal(other)
+    (line,) = refused("locate", "strengths.csv", *learned, "--gain-error", "0.1", "--out", "third", cwd=tmp_path)
     assert line.startswith("--calibration: must be a calibration of this array: serial number None, data sheet ")
     assert not (tmp_path / "third").exists()

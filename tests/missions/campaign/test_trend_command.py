@@ -8,6 +8,7 @@ import pytest
 from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.report.records import report_text
 from tests.missions.campaign.surveys import DAYS, growing
+from tests.missions.conftest import Refused
 from tests.missions.field.surveys import EXAMPLE
 from tests.processes import pdpatrol, refusal
 
@@ -39,7 +40,7 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     assert "must be a new or empty folder" in line
 
 
-def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path) -> None:
+def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path, refused: Refused) -> None:
     one_date = tmp_path / "one_date"
     one_date.mkdir()
     growing()[0].save(one_date)
@@ -49,7 +50,7 @@ def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Pa
         ([], "RUN: inspections of at least two dates must be given, got none"),
         ([runs[0], tmp_path], "log.npz"),
     ):
-        (line,) = refusal(pdpatrol("trend", *words, "--out", "never", cwd=tmp_path))
+        (line,) = refused("trend", *words, "--out", "never", cwd=tmp_path)
         assert message in line
     assert not (tmp_path / "never").exists()
 

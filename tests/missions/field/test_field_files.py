@@ -74,7 +74,10 @@ def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
         (hostile.packed({"waveforms": np.ones((6, 400), int), "sample_rate_hz": np.array(2e10)}), "volts_per_count"),
         (npz(sample_rate_hz=0.0), r"sample_rate_hz must be from 1e\+06 to 1e\+12, got 0"),
         (npz(waveforms=np.full((6, 400), np.nan)), r"the largest sample in volts must be from 0 to 1e\+06, got nan"),
-        (npz(waveforms=np.ones((2, 400))), "must have 3 to 32 channels .* got 2 channels"),
+        (
+            npz(waveforms=np.ones((2, 6 * 10**6))),
+            r"samples of a pulse must be from 1 to 1e\+07, got 1.2e\+07",
+        ),
         (npz(waveforms=np.ones((6, 50))), "the gate must have 4 to 50 samples; --gate-ns 4.5 is 90"),
     ],
     ids=range(9),
@@ -88,6 +91,12 @@ def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, m
     (line,) = refused.value.faults
     assert line.startswith(f"{table}: line 2: waveform w.npz: ")
     assert len(line) < 400
+
+
+def test_waveforms_of_two_channels_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "w.npz").write_bytes(npz(waveforms=hostile.waveforms(np.random.default_rng(9))["waveforms"][:2]))
+    with pytest.raises(InputFileError, match=r"t.csv: must have 3 to 32 channels with a signal, got 2"):
+        read_field_data(table_of(tmp_path, "w.npz"), noise_v=0.01)
 
 
 def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
@@ -105,10 +114,10 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
         (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3 must be a number from 0 to 1e.06, got nan"),
         (f"{HEADER}\n1e300,0,0,0,1,2,3\n", r"line 2: time_s must be a number from -5e.09 to 5e.09, got 1e\+300"),
         (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s must not decrease: 0 is followed by -1"),
-        (f"{HEADER}\n0,0,0,0,0,0,0\n", "must have 3 or more channels with a signal, got 0"),
+        (f"{HEADER}\n0,0,0,0,0,0,0\n", "must have 3 to 32 channels with a signal, got 0"),
         (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "column phase is unknown"),
         (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "column std_2, std_3 is missing"),
-        (f"{HEADER[:-11]}\n0,0,0,0,1,1\n", "must have 3 to 32 columns of strengths, got 2"),
+        (f"{HEADER[:-11]}\n0,0,0,0,1,1\n", "must have 3 to 32 channels with a signal, got 2"),
         (f"{HEADER},x_m\n0,0,0,0,1,2,3,4\n", "names are unique and not empty"),
         (f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n', "CSV|quoted"),
         (TEXT.encode("utf-16"), "must be UTF-8 text"),

@@ -12,9 +12,9 @@ from dirmusic import InputFileError
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.sweep.dataset import Dataset
+from tests.missions.conftest import Refused
 from tests.missions.field.surveys import EXAMPLE, log_of_table
 from tests.missions.files import hostile
-from tests.processes import pdpatrol, refusal
 
 
 @pytest.fixture(scope="module")
@@ -90,18 +90,18 @@ def test_log_with_inconsistent_tables_is_refused(
 
 
 @pytest.mark.whole
-def test_replay_refuses_a_log_with_damaged_metadata(mission: Path, tmp_path: Path) -> None:
+def test_replay_refuses_a_log_with_damaged_metadata(mission: Path, tmp_path: Path, refused: Refused) -> None:
     damaged = np.array(json.dumps({"schema": 5, "array": 7}))
     (tmp_path / "log.npz").write_bytes(hostile.packed({**arrays_of(mission), "meta": damaged}))
-    (line,) = refusal(pdpatrol("replay", ".", cwd=tmp_path))
+    (line,) = refused("replay", ".", cwd=tmp_path)
     assert "the metadata in its log are damaged" in line
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
 @pytest.mark.whole
-def test_replay_refuses_a_recording_without_log(tmp_path: Path) -> None:
+def test_replay_refuses_a_recording_without_log(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "mission.rrd").write_bytes(b"junk")
-    (line,) = refusal(pdpatrol("replay", "--web", ".", cwd=tmp_path))
+    (line,) = refused("replay", "--web", ".", cwd=tmp_path)
     assert "holds no log.npz" in line
 
 

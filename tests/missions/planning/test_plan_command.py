@@ -9,8 +9,9 @@ from matplotlib.image import imread
 
 from pdpatrol.envs.scenario import SHIPPED, load_scenario
 from pdpatrol.missions.planning.output import as_json
+from tests.missions.conftest import Refused
 from tests.missions.planning.one_plan import plan_of
-from tests.processes import pdpatrol, refusal
+from tests.processes import pdpatrol
 
 pytestmark = pytest.mark.whole
 
@@ -59,9 +60,9 @@ def test_plan_uses_settings_and_amplitude(tmp_path: Path) -> None:
         (["one_source", "--out", "file"], "--out"),
     ],
 )
-def test_plan_refuses_invalid_input(arguments: list[str], fault: str, tmp_path: Path) -> None:
+def test_plan_refuses_invalid_input(arguments: list[str], fault: str, tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "file").write_text("kept", encoding="utf-8")
-    (line,) = refusal(pdpatrol("plan", *arguments, cwd=tmp_path))
+    (line,) = refused("plan", *arguments, cwd=tmp_path)
     assert fault in line
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text(encoding="utf-8") == "kept"

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from pdpatrol.missions.record.mission_log import MissionLog
-from tests.processes import pdpatrol, refusal
+from tests.missions.conftest import Refused
+from tests.processes import pdpatrol
 
 pytestmark = pytest.mark.whole
 
@@ -58,8 +59,8 @@ def test_run_with_failing_policy_writes_all_files(folder: Path) -> None:
         ),
     ],
 )
-def test_run_with_invalid_policy_writes_nothing(policy: str, message: str, folder: Path) -> None:
+def test_run_with_invalid_policy_writes_nothing(policy: str, message: str, folder: Path, refused: Refused) -> None:
     (folder / "broken.py").write_text("x = 1\ny = (\n", encoding="utf-8")
-    (line,) = refusal(pdpatrol("run", "--policy", policy, cwd=folder))
+    (line,) = refused("run", "--policy", policy, cwd=folder)
     assert line.startswith(message)
-    assert {path.name for path in folder.iterdir()} == {"my.py", "broken.py"}
+    assert {path.name for path in folder.iterdir()} - {"__pycache__"} == {"my.py", "broken.py"}
