@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import radians
 from typing import Any, NamedTuple, Self
 
@@ -65,7 +64,6 @@ class ResetOptions(NamedTuple):
 
         Raises:
             ValueError: If an option is unknown, or invalid in the scenario.
-            TypeError: If a pose or position is not made of numbers.
         """
         options = {} if options is None else options
         if not (isinstance(options, Mapping) and options.keys() <= {"start_pose", "sources"}):
@@ -91,14 +89,16 @@ class ResetOptions(NamedTuple):
 
 
 def _three_numbers(name: str, value: Any) -> FloatArray:  # noqa: ANN401 - users may pass anything
-    numbers = np.array(value, dtype=np.float64)
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ValueError(f"`options`: {name} must be three finite numbers, got {value!r}")
     return numbers
 
 
-@dataclass(frozen=True, kw_only=True)
-class Episode:
+class Episode(NamedTuple):
     """Ground truth of one episode.
 
     Attributes:
@@ -149,7 +149,7 @@ class Episode:
             nature_rng=generators.nature,
             receiver_rng=generators.receiver,
         )
-        return cls(listener=listener, start_pose=np.array(start), truth=truth)
+        return cls(listener, np.array(start), truth)
 
 
 def _draw_sources(
