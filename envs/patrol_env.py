@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
 import operator
 import pkgutil
@@ -19,6 +18,7 @@ from gymnasium import error, spaces
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.episode import ResetOptions
 from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario, restore_scenario
@@ -69,6 +69,17 @@ class SimulatedEnv:
             raise error.ClosedEnvironmentError(f"Cannot call env.{call}() after calling env.close()")
         if call != "reset" and not self.simulation.has_begun:
             raise error.ResetNeeded(f"Cannot call env.{call}() before calling env.reset()")
+
+    def _commands(self, actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: ANN401 - users may pass anything
+        """Convert actions to commands. They are not clipped here: the robot clips its commands to its limits.
+
+        Raises:
+            ValueError: If the actions have the wrong shape or are not finite real numbers.
+        """
+        given = np.asarray(actions)
+        if given.shape != shape or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+            raise ValueError(f"the action must be finite real numbers of shape {shape}, got {actions!r:.80}")
+        return self.simulation.robot.command_from_action(given)
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
@@ -242,14 +253,14 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             self.render()
         info = self._info()
         if self._full_info:
-            info["truth"] = copy.deepcopy(self.simulation.truths[0])
+            info["truth"] = self.simulation.truths[0]
         return self._observation(), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s and record the pulses that are detected."""
         self._check_call("step")
         simulation, states = self.simulation, self.simulation.states
-        simulation.step(simulation.robot.command_from_action(check_actions(action, (2,)))[np.newaxis])
+        simulation.step(self._commands(action, (2,))[np.newaxis])
         if self.render_mode == "human":
             self.render()
         observation, reward = self._observation(), states.reward.item(0)
@@ -313,15 +324,3 @@ def resolve_scenario(scenario: Any) -> Scenario | ScenarioFunction:  # noqa: ANN
     if not isinstance(scenario, (str, Path, Scenario)):
         raise ValueError(f"`scenario` must be a name, path, Scenario, its plain data or a function, got {scenario!r}")
     return load_scenario(scenario)
-
-
-def check_actions(actions: Any, shape: tuple[int, ...]) -> NDArray[Any]:  # noqa: ANN401 - users may pass anything
-    """Convert actions to an array. They are not clipped here: the robot clips its commands to its limits.
-
-    Raises:
-        ValueError: If the actions have the wrong shape or are not finite real numbers.
-    """
-    given = np.asarray(actions)
-    if given.shape != shape or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
-        raise ValueError(f"the action must be finite real numbers of shape {shape}, got {actions!r:.80}")
-    return given

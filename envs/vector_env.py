@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from dirmusic.arrays import BoolArray
 from pdpatrol.envs.episode import ResetOptions
 from pdpatrol.envs.observation import Observation
-from pdpatrol.envs.patrol_env import SimulatedEnv, check_actions, resolve_scenario
+from pdpatrol.envs.patrol_env import SimulatedEnv, resolve_scenario
 from pdpatrol.envs.scenario import Scenario
-from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.simulation import Simulation
 
 
@@ -68,7 +67,6 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
         "render_modes": [],
-        "render_fps": round(1 / STEP_S),
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
@@ -135,21 +133,21 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             )
         if not (mask.all() or self.simulation.has_begun):
             raise error.ResetNeeded("Cannot reset some rows before calling env.reset() for all of them")
-        values, rngs = ResetOptions.parse(others, self.scenario), self._seeded(seed)
-        self._rngs = [rngs[row] if mask[row] else self._rngs[row] for row in range(self.num_envs)]
+        values = ResetOptions.parse(others, self.scenario)
+        self._rngs = self._seeded(seed, mask)
         self._start(mask, values)
         return self._observation(), self._info(mask)
 
-    def _seeded(self, seed: Any) -> list[tuple[np.random.Generator, int]]:  # noqa: ANN401 - users may pass anything
-        """Return the generators of the rows with their seeds, new ones for rows that are seeded."""
+    def _seeded(self, seed: Any, mask: BoolArray) -> list[tuple[np.random.Generator, int]]:  # noqa: ANN401 - anything
+        """Return the generators of all rows and their seeds, new ones for rows of the mask that are seeded."""
         if seed is None:
             return self._rngs
         seeds = seed if np.ndim(seed) else range(seed, seed + self.num_envs)
         if len(seeds) != self.num_envs:
             raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
         return [
-            old if each is None else seeding.np_random(operator.index(each))
-            for old, each in zip(self._rngs, seeds, strict=True)
+            seeding.np_random(operator.index(each)) if is_chosen and each is not None else old
+            for old, each, is_chosen in zip(self._rngs, seeds, mask, strict=True)
         ]
 
     @property
@@ -175,7 +173,7 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         self._check_call("step")
         simulation, states = self.simulation, self.simulation.states
         was_over = states.terminated | states.truncated
-        commands = simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
+        commands = self._commands(actions, (self.num_envs, 2))
         if was_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
             over = np.flatnonzero(was_over).tolist()
             raise error.ResetNeeded(f"rows {over} are over; reset them with options={{'reset_mask': mask}} first")
