@@ -14,9 +14,8 @@ from pydantic import Field, ValidationError, model_validator
 from dirmusic import ArrayModel, ElementSpread, InputFileError
 from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors
 from dirmusic.locating.locator import Learned
-from pdpatrol.envs.scenario.base import Config, as_tuples, error_lines, read_toml
+from pdpatrol.envs.scenario.base import Config, Number, as_tuples, error_lines, read_toml
 from pdpatrol.sensing import ArrayConfig, HelicalArray
-from pdpatrol.sensing.quantities import PLAIN_ZERO
 
 
 def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> ArrayModel:
@@ -44,7 +43,6 @@ def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> Arra
 MAX_ELEMENTS = 32
 """Largest number of elements of a calibrated array; the same limit applies to field data."""
 
-Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
 Numbers = Annotated[tuple[Number, ...], Field(max_length=N_KINDS * MAX_ELEMENTS)]
 Total = Annotated[int, Field(ge=1, le=10**12)]
 

@@ -15,12 +15,16 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
 from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
+from pdpatrol.sensing.quantities import PLAIN_ZERO
 
 MissionName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_LETTERS)]
 """Name of a scenario, safe as the name of a folder and on a terminal."""
 
 SiteChoice = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$", max_length=2 * MOST_LETTERS + 1)]
 """`equipment/site`, or `equipment/*` for all sites of a piece of equipment."""
+
+Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
+"""Error of an array element, or component of a direction."""
 
 STEP_S = 0.1
 """Control step, s."""
@@ -90,7 +94,7 @@ def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
 
 def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN401 - an error dictionary of pydantic
     keys = [str(part) for part in item["loc"]]
-    key = ".".join(_short(part) for part in keys if not part.startswith("["))  # tags of unions stand in brackets
+    key = ".".join(f"{part:.60}" for part in keys if not part.startswith("["))  # tags of unions stand in brackets
     if item["type"] == "value_error":
         is_table = isinstance(item["input"], Mapping)  # such messages begin with a key of the table
         for line in str(item["ctx"]["error"]).splitlines():
@@ -102,12 +106,12 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
         yield f"{key}: unknown key" + (f"; did you mean `{near[0]}`?" if near else "")
     elif item["type"] == "union_tag_invalid":
         shapes = str(item["ctx"]["expected_tags"]).replace("[", "").replace("]", "")
-        yield f"{key}: must have the shape {shapes}, got {_short(repr(item['ctx']['tag'].strip('[]')))}"
+        yield f"{key}: must have the shape {shapes}, got {item['ctx']['tag'].strip('[]')!r:.60}"
     else:
         must = re.sub("^(Input|String|Tuple|Dictionary) should", "must", item["msg"]).partition(" after validation")[0]
         must = must.replace("a valid tuple", "an array")
         must = "must be a table" if item["type"].startswith(("model", "dict")) else must
-        yield f"{key}: {must}, got {_short(repr(item['input']))}"
+        yield f"{key}: {must}, got {item['input']!r:.60}"
 
 
 def _all_keys(model: type[BaseModel]) -> list[str]:
@@ -119,10 +123,6 @@ def _all_keys(model: type[BaseModel]) -> list[str]:
 def known_names(names: tuple[str, ...], wanted: str) -> str:
     """List the names closest to a wrong one, or the first few if none is close."""
     return ", ".join(get_close_matches(wanted, names, n=3) or names[:12]) or "none"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def on_one_line(text: str) -> str:

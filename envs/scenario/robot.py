@@ -15,10 +15,9 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import Config
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import load_robot
-from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath, Share
+from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, FilePath, Share
 
 MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
-DegreeError = Annotated[float, Field(ge=0.0, le=180.0), PLAIN_ZERO]
 GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
 """Degrees per minute for a bias; degrees per square root of a minute for an angle random walk."""
 
@@ -56,7 +55,7 @@ class PoseSensorConfig(Config):
     """Standard deviations and correlation time of the pose error. Assumed; typical of lidar localisation in a map."""
 
     position_std_m: MetreError = 0.05
-    heading_std_deg: DegreeError = 0.5
+    heading_std_deg: AngleError = 0.5
     correlation_s: Annotated[float, Field(ge=0.01, le=86_400.0)] = 5.0
 
     @property

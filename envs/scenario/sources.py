@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic.pulses.phase_resolved import KindName
-from pdpatrol.envs.scenario.base import Config, Day, SiteChoice, weeks_between
+from pdpatrol.envs.scenario.base import Config, Day, Number, SiteChoice, weeks_between
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
@@ -19,8 +19,7 @@ def _check_direction(direction: tuple[float, float, float]) -> tuple[float, floa
     return direction
 
 
-Component = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
-Direction = Annotated[tuple[Component, Component, Component], AfterValidator(_check_direction)]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction)]
 """Direction x, y, z in the world frame; its length must not be zero and has no effect."""
 
 FarCoordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0), PLAIN_ZERO]
