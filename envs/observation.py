@@ -17,8 +17,8 @@ from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.robot_models.readings import LIDAR, VELOCITY
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 
-Observation = dict[str, NDArray[np.float32]]
 Float32Array = NDArray[np.float32]
+Observation = dict[str, Float32Array]
 
 MAX_LEVEL_DECADES = 5.0
 """Upper bound of the observed level, log10 of strength over the noise of one sample."""
@@ -35,8 +35,7 @@ class ObservationLayout:
 
     Attributes:
         space: Space of the observations of one robot.
-        low: Lower bound of each number in a vector, shape (n_numbers,).
-        high: Upper bounds, same shape.
+        bounds: Lower and upper bounds of the numbers in a vector, each of shape (n_numbers,).
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -59,7 +58,8 @@ class ObservationLayout:
             "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
         }
         self.space = spaces.Dict(boxes)
-        self.low, self.high = (np.concatenate([getattr(box, end) for box in boxes.values()]) for end in ("low", "high"))
+        low, high = (np.concatenate([getattr(box, end) for box in boxes.values()]) for end in ("low", "high"))
+        self.bounds = low, high
         ends = np.cumsum([box.low.size for box in boxes.values()]).tolist()
         self._parts = {key: slice(start, end) for key, start, end in zip(boxes, [0, *ends], ends, strict=False)}
 

@@ -31,8 +31,6 @@ from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.sensors import AntennaElements
 from pdpatrol.sensing.receiver.bank import ReceiverBank
 
-Rows = IntArray
-
 INFO_KEYS = (
     "time_s", "believed_pose", "odometry", "battery", "reward_progress", "reward_time", "reward_contact", "touched",
     "fell_over", "success", "approached", "waypoints_visited", "true_pose",
@@ -41,7 +39,7 @@ INFO_KEYS = (
 
 
 @compiled
-def start_robots(held: HeldRobots, readings: FloatArray, rows: Rows) -> None:
+def start_robots(held: HeldRobots, readings: FloatArray, rows: IntArray) -> None:
     """Initialise the states of some robots at the start of an episode; arguments as in `advance_robots`."""
     state, parameters, _ = held.value
     for r in rows:
@@ -50,7 +48,7 @@ def start_robots(held: HeldRobots, readings: FloatArray, rows: Rows) -> None:
 
 
 @compiled
-def advance_robots(held: HeldRobots, readings: FloatArray, is_touching: BoolArray, rows: Rows) -> None:
+def advance_robots(held: HeldRobots, readings: FloatArray, is_touching: BoolArray, rows: IntArray) -> None:
     """Update the states of some robots after a step.
 
     Args:
@@ -113,7 +111,7 @@ class Simulation:
         )
         self.max_episode_steps = parameters.max_steps
         self.info = {key: getattr(self.states, key) for key in INFO_KEYS} | {"is_success": self.states.success}
-        self._held = Held((self.states, parameters, (self.layout.low, self.layout.high)))
+        self._held = Held((self.states, parameters, self.layout.bounds))
         self._n_threads = n_threads or os.cpu_count() or 1
         self._surroundings = surroundings_of(scenario.yard, second_order=scenario.radio.second_order)
         self._all_rows = np.arange(n_robots)
@@ -130,7 +128,7 @@ class Simulation:
         """True once an episode has been started for every robot."""
         return self._receivers is not None
 
-    def start(self, rows: Rows, rngs: Sequence[np.random.Generator], options: ResetOptions) -> None:
+    def start(self, rows: IntArray, rngs: Sequence[np.random.Generator], options: ResetOptions) -> None:
         """Start new episodes in some rows, each with its own generator; the first call must start all rows."""
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, own, options) for own in spawned]
@@ -155,7 +153,7 @@ class Simulation:
         self.states.touched[rows] = self.robots.is_touching[rows]
         start_robots(self._held, self.robots.readings.values, rows)
 
-    def step(self, commands: FloatArray, rows: Rows | None = None) -> None:
+    def step(self, commands: FloatArray, rows: IntArray | None = None) -> None:
         """Drive some robots for 0.1 s and record the pulses that they detect.
 
         Args:

@@ -93,16 +93,10 @@ class LocatingConfig(OptionalRules):
 
     def rules(self) -> LocatingRules:
         """Return the rules of the Locator, angles in radians, with defaults for rules that are not set."""
-        given = {
+        given: dict[str, Any] = {
             key.replace("_deg", "_rad"): radians(value) if key.endswith("_deg") else value
             for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items()
         }
-
-        def chosen(rules: type[CredibilityRules | AssignmentRules | LocatingRules]) -> dict[str, Any]:
-            return {field.name: given[field.name] for field in fields(rules) if field.name in given}
-
-        return LocatingRules(
-            credibility=CredibilityRules(**chosen(CredibilityRules)),
-            assignment=AssignmentRules(**chosen(AssignmentRules)),
-            **chosen(LocatingRules),
-        )
+        for name, rules in (("credibility", CredibilityRules), ("assignment", AssignmentRules)):
+            given[name] = rules(**{field.name: given.pop(field.name) for field in fields(rules) if field.name in given})
+        return LocatingRules(**given)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Iterator
-from math import inf, log10, sqrt
+from math import log10, sqrt
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -153,8 +153,7 @@ class Scenario(Config):
             *_source_errors(self),
             *_growth_errors(self),
         ]
-        errors = errors or [*_rate_errors(self), *_level_errors(self)]
-        if errors:
+        if errors := errors or [*_signal_errors(self)]:
             raise ValueError("\n".join(errors))
         return self
 
@@ -264,35 +263,29 @@ def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
                 yield f"sources.{i}.anywhere_at_m: the yard must have free ground on which the robot fits"
 
 
-def _rate_errors(scenario: Scenario) -> Iterator[str]:
-    """Check that the number of pulses is within the limits of memory and computing time."""
-    receiver, key = scenario.receiver, "sources, interferers, receiver.false_alarm_rate_hz"
-    emitters = (*scenario.grown_sources, *scenario.interferers)
-    pulses_hz = receiver.false_alarm_rate_hz + sum(item.pulse_rate_hz for item in emitters)
+def _signal_errors(scenario: Scenario) -> Iterator[str]:
+    """Check rates against limits of memory and time, levels against the noise, and frequencies of carriers."""
+    receiver, unit = scenario.receiver, f"V with its range, {MAX_PEAK_OVER_NOISE:g} times the noise"
+    pulses_hz, rate_hz, pulse_s = receiver.false_alarm_rate_hz, receiver.sample_rate_hz, 12e-9
+    for key, emitters in (("interferers", scenario.interferers), ("sources", scenario.grown_sources)):
+        for i, item in enumerate(emitters):
+            pulses_hz += item.pulse_rate_hz
+            peak_v = item.amplitude_v * 10 ** (item.amplitude_range_db / 40)
+            yield from _at_most(f"{key}.{i}.amplitude_v", peak_v, MAX_PEAK_OVER_NOISE * receiver.noise_v, unit)
+    key = "sources, interferers, receiver.false_alarm_rate_hz"
     yield from _at_most(key, pulses_hz * scenario.task.time_limit_s, MAX_PULSES, "pulses within task.time_limit_s")
-    rate_hz, pulse_s = receiver.sample_rate_hz, 12e-9
-    width_hz = inf if receiver.band_hz == "all" else receiver.band_hz[1] - receiver.band_hz[0]
+    nyquist_hz = 0.5 * rate_hz
+    width_hz = nyquist_hz if receiver.band_hz == "all" else receiver.band_hz[1] - receiver.band_hz[0]
     ringing = 12.0 * rate_hz / width_hz  # measured
     n_samples = receiver.gate_samples + ringing + (pulse_s + receiver.longest_echo_s) * rate_hz
     samples_hz = pulses_hz * scenario.array.n_channels * n_samples
     yield from _at_most(key, samples_hz, MAX_SAMPLES_PER_S, "computed samples per second, by rate, gate, band, echoes")
-
-
-def _level_errors(scenario: Scenario) -> Iterator[str]:
-    """Check the levels relative to the noise, and the frequencies of carriers."""
-    receiver, unit = scenario.receiver, f"V with its range, {MAX_PEAK_OVER_NOISE:g} times the noise"
-    for key, emitters in (("interferers", scenario.interferers), ("sources", scenario.grown_sources)):
-        for i, item in enumerate(emitters):
-            peak_v = item.amplitude_v * 10 ** (item.amplitude_range_db / 40)
-            yield from _at_most(f"{key}.{i}.amplitude_v", peak_v, MAX_PEAK_OVER_NOISE * receiver.noise_v, unit)
-    nyquist_hz = 0.5 * receiver.sample_rate_hz
     for i, carrier in enumerate(scenario.carriers):
         if carrier.frequency_hz >= nyquist_hz:
             yield (
                 f"carriers.{i}.frequency_hz: must be below half of receiver.sample_rate_hz, {nyquist_hz:g}, got "
                 f"{carrier.frequency_hz:g}"
             )
-    width_hz = nyquist_hz if receiver.band_hz == "all" else receiver.band_hz[1] - receiver.band_hz[0]
     most_v = MAX_CARRIERS_OVER_NOISE * receiver.noise_v * sqrt(width_hz / nyquist_hz)
     sum_v = sum(carrier.amplitude_v for carrier in scenario.carriers)
     unit = f"V together, {MAX_CARRIERS_OVER_NOISE:g} times the noise behind the band-pass"
