@@ -105,7 +105,7 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
     canvas = FigureCanvasAgg(figure)
     camera, plan = figure.subplots(1, 2)
     camera.set_axis_off()
-    draw_ground(plan, np.full(2, -1.0), np.asarray(scenario.yard.size_m) + 1.0)
+    draw_ground(plan, log.meta["bounds_m"])
     draw_yard(plan, scenario.yard)
     draw_waypoints(plan, log.meta["route"])
     pose, true_pose = log.column("step", "pose"), log.column("step", "true_pose")

@@ -106,13 +106,13 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
 
 def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
     """Draw the positions of the discharges with their changes, on the yard if there is a map."""
-    low_m = np.min([each.bounds_m[0] for each in inspections], axis=0) - 1.0
-    high_m = np.max([each.bounds_m[1] for each in inspections], axis=0) + 1.0
+    low_m = np.min([each.bounds_m[0] for each in inspections], axis=0)
+    high_m = np.max([each.bounds_m[1] for each in inspections], axis=0)
     width_m, height_m = high_m - low_m
     with rc_context(STYLE):
         figure = Figure(figsize=(7.1, min(7.1 * height_m / width_m + 0.7, 6.2)), layout="constrained")
         axes = figure.subplots()
-        draw_ground(axes, low_m, high_m)
+        draw_ground(axes, [low_m, high_m])
         if inspections[0].yard is not None:
             draw_yard(axes, inspections[0].yard)
         for discharge in trend.discharges:

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan
-from pdpatrol.missions.report.figures import draw_ground, draw_waypoints, draw_yard
+from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard
 
 BLIND_COLOUR = "#d50000"
 
@@ -101,7 +101,7 @@ def draw_plan(plan: Plan, path: Path) -> None:
     )
     bar = figure.colorbar(cells, ax=axes, shrink=0.8, pad=0.015, ticks=MaxNLocator(8, integer=True))
     bar.set_label(f"sites in sight within {plan.scenario.locating.rules().confirm_range_m:g} m; grey: out of reach")
-    draw_ground(axes, (-0.3, -0.3), size_m + 0.3)
+    draw_ground(axes, [np.zeros(2), size_m])
     draw_yard(axes, plan.site_map.yard)
     axes.plot(*plan.path_m.T, color="#c2185b", linewidth=2.0, zorder=3, label="tour")
     draw_waypoints(axes, {"dock_m": plan.scenario.route.dock_m, "waypoints_m": plan.stops_m})
@@ -111,6 +111,5 @@ def draw_plan(plan: Plan, path: Path) -> None:
         axes.plot(*position_m, "X", color=BLIND_COLOUR, markersize=12, zorder=7, label=label)
         axes.annotate(name, position_m, (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR)
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
-    handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, fontsize=8)
+    draw_legend(axes, 4)
     figure.savefig(path, dpi=110, format="png")

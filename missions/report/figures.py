@@ -51,56 +51,56 @@ SITE_MARKS = {
 """Marker, colour and legend of sites by state of inspection."""
 
 
+@rc_context(STYLE)
 def draw_site_plan(log: MissionLog, report: Report) -> Figure:
     """Draw yard, path, sites and findings; field data have no yard. Findings farther out are drawn at the edge."""
-    low_m, high_m = np.array(log.meta["bounds_m"]) + np.array([[-1.0], [1.0]])
-    width_m, height_m = high_m - low_m
-    pose_m, is_field = log.column("step", "pose")[:, :2], "field_data" in log.meta
-    with rc_context(STYLE):
-        figure = Figure(figsize=(7.1, min(6.4 * height_m / width_m + 1.0, 7.4)), layout="constrained")
-        axes = figure.subplots()
-        draw_ground(axes, low_m, high_m)
-        if (yard := known_yard(log)) is not None:
-            draw_yard(axes, yard)
-            for site in report.inspection.sites if report.inspection else ():
-                marker, colour, label = SITE_MARKS[site.state]
-                x, y, _ = yard.site_position(site.name)
-                axes.plot(x, y, marker, color=colour, markersize=5.5, markeredgecolor="white", label=label, zorder=6)
-        if is_field:
-            axes.plot(*pose_m.T, "o", color=ROUTE, markersize=4, label="pose of the array", zorder=4)
-        else:
-            axes.plot(*pose_m.T, color=ROUTE, linewidth=1.1, label="path driven", zorder=4)
-        if "route" in log.meta:
-            draw_waypoints(axes, log.meta["route"])
-        for finding in (*report.candidates, *report.findings):
-            draw_finding(axes, finding.id, finding.state, finding.position_m, finding.covariance_m2)
-        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-        figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
+    width_m, height_m = np.ptp(log.meta["bounds_m"], axis=0)
+    figure = Figure(figsize=(7.1, min(6.4 * height_m / width_m + 1.0, 7.4)), layout="constrained")
+    axes = figure.subplots()
+    draw_ground(axes, log.meta["bounds_m"])
+    if (yard := known_yard(log)) is not None:
+        draw_yard(axes, yard)
+        for site in report.inspection.sites if report.inspection else ():
+            marker, colour, label = SITE_MARKS[site.state]
+            place_m = yard.site_position(site.name)[:2]
+            axes.plot(*place_m, marker, color=colour, markersize=5.5, markeredgecolor="white", label=label, zorder=6)
+    style, label = ("o", "pose of the array") if "field_data" in log.meta else ("-", "path driven")
+    pose_m = log.column("step", "pose")[:, :2]
+    axes.plot(*pose_m.T, style, color=ROUTE, markersize=4, linewidth=1.1, label=label, zorder=4)
+    if "route" in log.meta:
+        draw_waypoints(axes, log.meta["route"])
+    for finding in (*report.candidates, *report.findings):
+        draw_finding(axes, finding.id, finding.state, finding.position_m, finding.covariance_m2)
+    draw_legend(axes, 3)
     return figure
 
 
+@rc_context(STYLE)
 def draw_phase_pattern(discharge: DischargeKind) -> Figure:
     """Draw the number of pulses by phase and level, with a sine of the mains."""
-    counts = np.array(discharge.counts)
+    counts = np.ma.masked_equal(discharge.counts, 0)
     phase_deg = discharge.phase_step_deg * np.arange(counts.shape[1] + 1)
     level_db = discharge.lowest_db + discharge.level_step_db * np.arange(counts.shape[0] + 1)
-    with rc_context(STYLE):
-        figure = Figure(figsize=(3.5, 3.2), layout="constrained")
-        axes = figure.subplots()
-        shown = np.ma.masked_equal(counts, 0)
-        mesh = axes.pcolormesh(phase_deg, level_db, shown, cmap="viridis_r", vmin=0, edgecolors="white", linewidth=0.2)
-        figure.colorbar(mesh, label="pulses per cell", aspect=30)
-        sine_deg, sine = np.linspace(0.0, 360.0, 91), axes.twinx()
-        sine.plot(sine_deg, np.sin(np.radians(sine_deg)), color="#7b8a97", linewidth=1.0)
-        sine.set(ylim=(-1.1, 1.1), yticks=[])
-        axes.set(xlim=(0, 360), xticks=range(0, 361, 90))
-        axes.set(xlabel="phase of the receiver's mains (degrees)", ylabel="level at 1 m (dBV)")
+    figure = Figure(figsize=(3.5, 3.2), layout="constrained")
+    axes = figure.subplots()
+    mesh = axes.pcolormesh(phase_deg, level_db, counts, cmap="viridis_r", vmin=0, edgecolors="white", linewidth=0.2)
+    figure.colorbar(mesh, label="pulses per cell", aspect=30)
+    sine_deg, sine = np.linspace(0.0, 360.0, 91), axes.twinx()
+    sine.plot(sine_deg, np.sin(np.radians(sine_deg)), color="#7b8a97", linewidth=1.0)
+    sine.set(ylim=(-1.1, 1.1), yticks=[])
+    axes.set(xlim=(0, 360), xticks=range(0, 361, 90))
+    axes.set(xlabel="phase of the receiver's mains (degrees)", ylabel="level at 1 m (dBV)")
     return figure
 
 
-def draw_ground(axes: Axes, low_m: ArrayLike, high_m: ArrayLike) -> None:
-    """Draw axes in metres with equal scales, a light grid and a north arrow."""
-    (left, bottom), (right, top) = np.asarray(low_m), np.asarray(high_m)
+def draw_ground(axes: Axes, bounds_m: ArrayLike) -> None:
+    """Draw axes in metres with equal scales, a light grid and a north arrow.
+
+    Args:
+        axes: Axes to draw on.
+        bounds_m: South-west and north-east corner of the ground, shape (2, 2); the axes extend 1 m beyond.
+    """
+    (left, bottom), (right, top) = np.array(bounds_m) + np.array([[-1.0], [1.0]])
     axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x, east (m)", ylabel="y, north (m)", aspect="equal")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
@@ -111,23 +111,22 @@ def draw_ground(axes: Axes, low_m: ArrayLike, high_m: ArrayLike) -> None:
 
 def draw_yard(axes: Axes, yard: Yard) -> None:
     """Draw fence and equipment with its names from above, lower parts first."""
-    parts = [(item, k, part) for item in yard.equipment for k, part in enumerate(item.assembly.parts)]
-    for item, k, part in sorted(parts, key=lambda entry: float(entry[0].solids.top_m[entry[1]])):
-        solids, rgba = item.solids, np.array(colour_of(item.kind, part))
-        style: Any = {"facecolor": 0.5 + 0.5 * rgba[:3], "edgecolor": "#5f6b76", "linewidth": 0.4, "zorder": 1}
+    solids, parts = yard.solids, [(item.kind, part) for item in yard.equipment for part in item.assembly.parts]
+    for k in np.argsort(solids.top_m, kind="stable").tolist():
+        rgb = np.array(colour_of(*parts[k]))[:3]
+        style: Any = {"facecolor": 0.5 + 0.5 * rgb, "edgecolor": "#5f6b76", "linewidth": 0.4, "zorder": 1}
         centre_m, half_m, radius_m = solids.centre_m[k], solids.half_size_m[k], float(solids.radius_m[k])
         if radius_m > 0.0:
             axes.add_patch(Circle(tuple(centre_m), radius_m, **style))
         else:
-            yaw_deg = float(np.degrees(solids.yaw_rad[k]))
-            corner_m, size_m = centre_m - half_m, 2.0 * half_m
-            axes.add_patch(Rectangle(tuple(corner_m), *size_m, angle=yaw_deg, rotation_point="center", **style))
+            style |= {"angle": np.degrees(solids.yaw_rad[k]), "rotation_point": "center"}
+            axes.add_patch(Rectangle(tuple(centre_m - half_m), *(2.0 * half_m), **style))
     axes.add_patch(Rectangle((0, 0), *yard.size_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
-    style = {"fontsize": 7.0 if len(yard.equipment) <= 14 else 5.5, "color": "#333d47", "clip_on": True, "zorder": 6}
+    size_pt, outline = 7.0 if len(yard.equipment) <= 14 else 5.5, [withStroke(linewidth=2.2, foreground="white")]
+    style = {"fontsize": size_pt, "color": "#333d47", "path_effects": outline, "clip_on": True, "zorder": 6}
     for item in yard.equipment:
         low_m, high_m = item.solids.extent_m
-        name = axes.text(0.5 * (low_m[0] + high_m[0]), low_m[1], item.name, ha="center", va="top", **style)
-        name.set_path_effects([withStroke(linewidth=2.2, foreground="white")])
+        axes.text(0.5 * (low_m[0] + high_m[0]), low_m[1], item.name, ha="center", va="top", **style)
 
 
 def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, covariance_m2: ArrayLike) -> list[Artist]:
@@ -136,27 +135,28 @@ def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, cov
     A finding beyond the axes is drawn as a diamond at their edge.
     """
     colour, label = STATES[state]
-    style: dict[str, Any] = {"color": colour, "zorder": 7}
     place_m, limits_m = np.asarray(position_m)[:2], np.transpose([axes.get_xlim(), axes.get_ylim()])
     edge_m = np.clip(place_m, *limits_m)
-    inward = np.where(edge_m < limits_m.mean(axis=0), 10.0, -10.0)
+    marker, label, offset_pt = "+", f"{label} with its id, 95 % ellipse", (10.0, 10.0)
     if (edge_m != place_m).any():
-        edge = axes.plot(*edge_m, "D", label="farther out, its id", **style)
-        return [*edge, draw_label(axes, str(number), edge_m, inward, colour)]
-    artists: list[Artist] = [draw_label(axes, str(number), place_m, (10.0, 10.0), colour)]
-    artists += axes.plot(*place_m, "+", markersize=7, label=f"{label} with its id, 95 % ellipse", **style)
+        inward_pt = np.where(edge_m < limits_m.mean(axis=0), 10.0, -10.0)
+        marker, label, offset_pt = "D", "farther out, its id", tuple(inward_pt)
+    artists: list[Artist] = [draw_label(axes, str(number), tuple(edge_m), offset_pt, colour)]
+    artists += axes.plot(*edge_m, marker, color=colour, markersize=7, label=label, zorder=7)
     outline_m = outline95(place_m, np.asarray(covariance_m2)[:2, :2], 60)
     if np.ptp(outline_m, axis=0).max() < np.ptp(limits_m[:, 0]):
-        artists += axes.plot(*outline_m.T, linewidth=1.3, **style)
+        artists += axes.plot(*outline_m.T, color=colour, linewidth=1.3, zorder=7)
     return artists
 
 
-def draw_label(axes: Axes, text: str, place_m: ArrayLike, offset_pt: ArrayLike, colour: str) -> Annotation:
+def draw_label(
+    axes: Axes, text: str, place_m: tuple[float, float], offset_pt: tuple[float, float], colour: str
+) -> Annotation:
     """Draw a number in a box of a colour, at an offset from its place."""
     return axes.annotate(
         text,
-        np.asarray(place_m).tolist(),
-        np.asarray(offset_pt).tolist(),
+        place_m,
+        offset_pt,
         textcoords="offset points",
         ha="center",
         va="center",
@@ -165,6 +165,14 @@ def draw_label(axes: Axes, text: str, place_m: ArrayLike, offset_pt: ArrayLike, 
         color="white",
         bbox={"boxstyle": "round,pad=0.25", "facecolor": colour, "edgecolor": "white"},
         zorder=8,
+    )
+
+
+def draw_legend(axes: Axes, n_columns: int) -> None:
+    """Explain each label once, below the axes."""
+    handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    axes.figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=n_columns, fontsize=7.5, frameon=False
     )
 
 
