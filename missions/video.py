@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
@@ -108,7 +107,8 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
     draw_ground(plan, log.meta["bounds_m"])
     draw_yard(plan, scenario.yard)
     draw_waypoints(plan, log.meta["route"])
-    pose, true_pose = log.column("step", "pose"), log.column("step", "true_pose")
+    table = log.table("step")
+    pose, true_pose = table["pose"], table["true_pose"]
     # The camera follows the heading over about 4 s, without quick turns.
     view_rad = gaussian_filter1d(np.unwrap(true_pose[:, 2]), 2.0 / STEP_S, mode="nearest")
     pictures = pictures_from_behind(
@@ -124,15 +124,15 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
         moving = [
             camera.imshow(picture),
             *plan.plot(*pose[: step + 1, :2].T, color=ROUTE, linewidth=2.0, zorder=4),
-            plan.add_collection(LineCollection(list(np.stack([from_m, to_m], axis=1)), colors=BEARING, zorder=5)),
+            *plan.plot(*np.stack([from_m, to_m]).transpose(2, 0, 1), color=BEARING, zorder=5),
             plan.arrow(x, y, np.cos(heading_rad), np.sin(heading_rad), width=0.3, color="#1c2833", zorder=8),
         ]
         findings = findings_at(log, step + 1, *STATES)
         for finding in zip(*(findings[name] for name in ("id", "state", "position_m", "covariance_m2")), strict=True):
             moving += draw_finding(plan, *finding)
-        row = {name: column[0] for name, column in log.table("step", step, step + 1).items()}
-        doing = phase_text(Phase(row["phase"], row["phase_target"]))
-        figure.suptitle(f"{title_text(log.meta)}, {row['time_s']:.1f} s: {doing}", fontsize=15, parse_math=False)
+        doing = phase_text(Phase(str(table["phase"][step]), int(table["phase_target"][step])))
+        title = f"{title_text(log.meta)}, {table['time_s'][step]:.1f} s: {doing}"
+        figure.suptitle(title, fontsize=15, parse_math=False)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
 

@@ -40,19 +40,18 @@ def inspect_sites(log: MissionLog) -> SiteInspections | None:
     sites: list[SiteInspection] = []
     for name in yard.site_names():
         site_m = yard.site_position(name)
-        offset_m = places_m - site_m[:2]
-        range_m = np.linalg.norm(offset_m, axis=-1)
-        near = range_m <= rules.confirm_range_m
-        transmitted, level_db = paths.levels(places_m[near], site_m)
+        near_m = places_m[np.linalg.norm(places_m - site_m[:2], axis=-1) <= rules.confirm_range_m]
+        x_m, y_m = (near_m - site_m[:2]).T
+        transmitted, level_db = paths.levels(near_m, site_m)
         in_sight = transmitted >= MIN_TRANSMISSION
         detects = in_sight & (level_db >= MARGIN_DB)
-        aperture_rad = aperture(np.arctan2(offset_m[near, 1], offset_m[near, 0])[detects])
-        is_wide = detects.any() and aperture_rad >= rules.confirm_aperture_rad
+        aperture_rad = aperture(np.arctan2(y_m, x_m)[detects])
+        is_wide = aperture_rad >= rules.confirm_aperture_rad
         sites.append(
             SiteInspection(
                 name=name,
                 state="inspected" if is_wide else "partly_inspected" if detects.any() else "not_inspected",
-                nearest_m=float(range_m[near][in_sight].min()) if in_sight.any() else None,
+                nearest_m=float(np.hypot(x_m, y_m)[in_sight].min()) if in_sight.any() else None,
                 aperture_deg=float(np.degrees(aperture_rad)),
                 min_level_db=assumed_db + MARGIN_DB - float(level_db[in_sight].max()) if in_sight.any() else None,
             )

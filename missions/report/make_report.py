@@ -41,10 +41,9 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         wall_time_s: Computing time; the only figure that differs between two runs with the same seed.
         inspection: Result of `inspect_sites`; None to omit the section.
     """
-    step, events = log.table("step"), log.table("event")
-    findings = _findings(log, "confirmed")
-    has_steps, battery = step["time_s"].size > 0, step["battery"][-1:]
-    start_s = step["time_s"][0] if has_steps and "field_data" in log.meta else 0.0
+    step, events, found = log.table("step"), log.table("event"), _findings(log)
+    findings = tuple(finding for finding in found if finding.state == "confirmed")
+    time_s, battery = step["time_s"], step["battery"][-1:]
     return Report(
         schema=6,
         scenario=log.meta["name"],
@@ -52,10 +51,10 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         policy=log.meta["policy"],
         date=log.meta.get("date"),
         versions=log.meta.get("versions", {}),
-        ending=next(iter(_events(events, "end", "subject")[-1:]), None),
-        sim_time_s=float(step["time_s"][-1] - start_s) if has_steps else 0.0,
+        ending=(None, *_events(events, "end", "subject"))[-1],
+        sim_time_s=float(np.ptp(time_s) if "field_data" in log.meta else time_s.max(initial=0.0)),
         wall_time_s=wall_time_s,
-        distance_m=float(distances_along(step["pose"])[-1]) if has_steps else 0.0,
+        distance_m=float(distances_along(step["pose"])[-1]),
         battery_left=float(battery[0]) if np.isfinite(battery).any() else None,
         collisions=len(_events(events, "contact")),
         waypoints=_waypoints(log),
@@ -65,7 +64,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         calibration=_events(events, "calibration"),
         notes=(*_events(events, "note"), *_events(events, "rejected"), *_events(events, "error")),
         findings=findings,
-        candidates=_findings(log, "candidate", "outside"),
+        candidates=tuple(finding for finding in found if finding.state != "confirmed"),
         inspection=inspection,
         evaluation=_scores(log, findings),
     )
@@ -86,10 +85,9 @@ def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[An
 
     The log has a row for every finding at each step at which any of them changed.
     """
-    stop = log.n_rows("finding") if end >= log.n_rows("step") else log.rows_before("finding", end)
-    last_step = log.column("finding", "step", max(stop - 1, 0), stop)
-    start = log.rows_before("finding", int(last_step[0])) if last_step.size else stop
-    table = log.table("finding", start, stop)
+    stop = log.rows_before("finding", end)
+    last_step = log.column("finding", "step", stop - 1, stop).max(initial=0)
+    table = log.table("finding", log.rows_before("finding", int(last_step)), stop)
     own = np.isin(table["state"], states)
     return {column: values[own] for column, values in table.items()}
 
@@ -113,40 +111,37 @@ def _scores(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Scores | No
         return None
     yard = true_yard(log)
     sites_m = [] if yard is None else [yard.site_position(name) for name in yard.site_names()]
-    sources_m = {source["name"]: tuple(source["position_m"]) for source in log.meta["truth"]["sources"]}
+    sources_m = {source["name"]: source["position_m"] for source in log.meta["truth"]["sources"]}
     return evaluate(findings, sources_m, sites_m)
 
 
-def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
-    """Return the findings that were in one of the states at the end, sorted by id."""
-    table = findings_at(log, log.n_rows("step"), *states)
-    if not table["id"].size:
-        return ()
+def _findings(log: MissionLog) -> list[FindingRecord]:
+    """Return the findings at the end, sorted by id."""
+    table = findings_at(log, log.n_rows("step"), "confirmed", "candidate", "outside")
     yard, pulses, patterns = known_yard(log), finding_pulses(log), phase_patterns(log)
     found: list[FindingRecord] = []
     for row in range(table["id"].size):
         finding = {column: values[row] for column, values in table.items() if column != "step"}
         number, position_m, covariance_m2 = int(finding["id"]), finding["position_m"], finding["covariance_m2"]
-        places: dict[str, float] = {}
-        if yard is not None and finding["state"] != "outside":
-            places = site_probabilities(yard, position_m, covariance_m2)
+        is_outside = finding["state"] == "outside"
+        places = site_probabilities(yard, position_m, covariance_m2) if yard and not is_outside else {}
         aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
         strength = None
         if number in pulses and pulses[number].time_s.size:
             # in field data, all pulses received at one place have the same time
             strength = _strength(pulses[number], aperture_deg, has_rate="field_data" not in log.meta)
         shown = {
-            "position_m": tuple(position_m),
-            "position_std_m": tuple(np.sqrt(np.diag(covariance_m2))),
-            "covariance_m2": tuple(map(tuple, covariance_m2)),
+            "position_m": position_m.tolist(),
+            "position_std_m": np.sqrt(np.diag(covariance_m2)).tolist(),
+            "covariance_m2": covariance_m2.tolist(),
             "ellipse95": ellipse95(covariance_m2[:2, :2])._asdict(),
-            "sites": tuple({"name": name, "probability": value} for name, value in places.items() if value >= 0.01),
+            "sites": [{"name": name, "probability": value} for name, value in places.items() if value >= 0.01],
             "discharge": _discharge(*patterns[number]) if number in patterns else None,
             "strength": strength,
             "confirmed_s": confirmed_s if np.isfinite(confirmed_s) else None,
         }
         found.append(FindingRecord.model_validate(finding | shown))
-    return tuple(found)
+    return found
 
 
 def _strength(pulses: FindingPulses, aperture_deg: float, *, has_rate: bool) -> Strength:
@@ -173,10 +168,10 @@ def _discharge(pulses: FindingPulses, pattern: PhasePattern) -> DischargeKind:
     lowest_db = LEVEL_STEP_DB * np.floor(level_db.min() / LEVEL_STEP_DB)
     counts, _, _ = np.histogram2d(
         level_db,
-        np.mod(np.degrees(pulses.phase_rad), 360.0),
-        bins=(
+        np.degrees(pulses.phase_rad) % 360.0,
+        (
             np.arange(lowest_db, level_db.max() + LEVEL_STEP_DB + 1e-9, LEVEL_STEP_DB),
-            np.arange(0.0, 360.0 + PHASE_STEP_DEG, PHASE_STEP_DEG),
+            np.arange(0.0, 361.0, PHASE_STEP_DEG),
         ),
     )
     return DischargeKind.model_validate(
@@ -187,6 +182,6 @@ def _discharge(pulses: FindingPulses, pattern: PhasePattern) -> DischargeKind:
             "phase_step_deg": PHASE_STEP_DEG,
             "lowest_db": lowest_db,
             "level_step_db": LEVEL_STEP_DB,
-            "counts": tuple(map(tuple, counts.astype(int).tolist())),
+            "counts": counts.tolist(),
         }
     )

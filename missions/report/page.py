@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from datetime import datetime
-from functools import cache
 from io import BytesIO
 from typing import Any
 
@@ -25,6 +24,7 @@ from pdpatrol.missions.report.wording import (
     kind_text,
     site_text,
     summary_text,
+    title_text,
 )
 
 
@@ -36,7 +36,7 @@ def render(template: str, **content: object) -> str:
         content: Variables of the template; text is escaped, `Markup` is not.
     """
     issued = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
-    return _environment().get_template(template).render(issued=issued, **content)
+    return ENVIRONMENT.get_template(template).render(issued=issued, **content)
 
 
 def embed(figure: Figure, description: str) -> Markup:
@@ -63,7 +63,7 @@ def report_page(log: MissionLog, report: Report) -> str:
     return render(
         "report/report.html",
         title="Partial discharge survey",
-        subject=report.scenario if report.seed is None else f"{report.scenario}, mission {report.seed}",
+        subject=title_text(log.meta),
         report=report,
         is_field="field_data" in log.meta,
         field=log.meta.get("field_data", {}),
@@ -84,11 +84,14 @@ def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
     """
     known, lines = meta.get("scenario") or meta.get("settings", {}), dict[str, str]()
     for name in ("survey", "array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):
-        values = {
-            key: value for key, value in known.get(name, {}).items() if key != "faults" and value not in (None, [])
-        }
-        lines[name] = ", ".join(f"{key} {value}" for key, value in values.items() if not isinstance(value, dict))
-    return {name: line for name, line in lines.items() if line}
+        values = [
+            f"{key} {value}"
+            for key, value in known.get(name, {}).items()
+            if key != "faults" and value not in (None, []) and not isinstance(value, dict)
+        ]
+        if values:
+            lines[name] = ", ".join(values)
+    return lines
 
 
 def _breakable(text: str) -> Markup:
@@ -97,14 +100,11 @@ def _breakable(text: str) -> Markup:
     return escaped.replace("/", Markup("/<wbr>")).replace("_", Markup("_<wbr>"))
 
 
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("pdpatrol.missions", ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"breakable": _breakable, "percent": percent, "site": site_text, "kind": kind_text}
-    return environment
+ENVIRONMENT = Environment(
+    loader=PackageLoader("pdpatrol.missions", ""),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+ENVIRONMENT.filters |= {"breakable": _breakable, "percent": percent, "site": site_text, "kind": kind_text}

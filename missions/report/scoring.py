@@ -35,12 +35,12 @@ def evaluate(
     References:
         Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
     """
-    found_m = np.array([finding.position_m for finding in findings], dtype=float).reshape(-1, 3)
-    true_m = np.array(list(sources.values()), dtype=float).reshape(-1, 3)
+    found_m = np.array([finding.position_m for finding in findings]).reshape(-1, 3)
+    true_m, known_m = np.array(list(sources.values())).reshape(-1, 3), np.array(sites_m).reshape(-1, 3)
     distance_m = np.linalg.norm((true_m[:, np.newaxis] - found_m)[..., :2], axis=-1)
-    pairs = np.transpose(linear_sum_assignment(np.minimum(distance_m, CUT_OFF_M))).tolist()
-    partner = {i: j for i, j in pairs if distance_m[i, j] < CUT_OFF_M}
-    known_m = np.array(sites_m, dtype=float).reshape(-1, 3)
+    cost_m = np.minimum(distance_m, CUT_OFF_M)
+    pairs = linear_sum_assignment(cost_m)
+    partner = {i: j for i, j in np.transpose(pairs).tolist() if distance_m[i, j] < CUT_OFF_M}
     scored: list[ScoredSource] = []
     for i, name in enumerate(sources):
         match = None
@@ -56,8 +56,9 @@ def evaluate(
             )
         position_m = tuple(true_m[i].tolist())
         scored.append(ScoredSource(name=name, true_position_m=position_m, found=match is not None, match=match))
-    n = max(len(findings), len(sources))
-    total_m = sum(distance_m[i, j] for i, j in partner.items()) + CUT_OFF_M * (n - len(partner))
+    total_m = cost_m[pairs].sum() + CUT_OFF_M * abs(len(findings) - len(sources))
     return Scores(
-        sources=tuple(scored), false_findings=len(findings) - len(partner), ospa_m=float(total_m / n) if n else 0.0
+        sources=tuple(scored),
+        false_findings=len(findings) - len(partner),
+        ospa_m=float(total_m / max(len(findings), len(sources), 1)),
     )

@@ -117,8 +117,8 @@ def kind_text(finding: FindingRecord) -> str:
 
 def title_text(meta: Mapping[str, Any]) -> str:
     """Return scenario, seed and policy of a mission, as far as they are known."""
-    seed = None if meta.get("seed") is None else f"seed {meta['seed']}"
-    return ", ".join(str(part) for part in (meta.get("name", "mission"), seed, meta.get("policy")) if part)
+    seed = None if meta["seed"] is None else f"seed {meta['seed']}"
+    return ", ".join(filter(None, (meta["name"], seed, meta["policy"])))
 
 
 def outcome_text(report: Report) -> str:
