@@ -59,7 +59,7 @@ def _measured(value: float, interval: ArrayLike, predicted: ArrayLike) -> Measur
 def accuracy(errors_deg: FloatArray) -> Measured:
     """Return the percentage of successes, with an exact binomial interval and a beta-binomial prediction (Jeffreys)."""
     hits, n = int((np.abs(errors_deg) <= SUCCESS_DEG + 1e-9).sum()), errors_deg.size
-    interval = binomtest(hits, n).proportion_ci(float(np.diff(TAILS)[0]), method="exact")
+    interval = binomtest(hits, n).proportion_ci()
     predicted = betabinom.ppf(TAILS, PAPER_TRIALS, hits + 0.5, n - hits + 0.5) / PAPER_TRIALS
     return _measured(100.0 * hits / n, 100.0 * np.array(interval), 100.0 * predicted)
 
@@ -143,26 +143,26 @@ class Exhibit:
     """Table or figure of the paper.
 
     Attributes:
-        name: Key in the JSON file, and name of the picture.
-        title: Name in words, a colon, and a description.
+        name: Key in the JSON files, and name of the picture.
         rows: The numbers; empty for a figure without any.
-        notes: Methods, errors of the paper, and numbers that cannot be matched.
-        explanation: Likely reason why printed numbers lie outside their predicted intervals.
         draw: Function that draws the figure; None to draw the rows as bars.
+        more_notes: Notes on our numbers.
     """
 
     name: str
-    title: str
     rows: list[Row]
-    notes: list[str]
-    explanation: str
-    draw: Callable[[], Figure] | None
+    draw: Callable[[], Figure] | None = None
+    more_notes: tuple[str, ...] = ()
 
-    @classmethod
-    def of(cls, name: str, rows: list[Row], draw: Callable[[], Figure] | None = None) -> Exhibit:
-        """Make an exhibit with its published title."""
-        text = published()[name]
-        return cls(name, text["title"], rows, text["notes"], text.get("explanation", "it may be chance"), draw)
+    @property
+    def title(self) -> str:
+        """Name in words, a colon, and a description."""
+        return published()[self.name]["title"]
+
+    @property
+    def notes(self) -> list[str]:
+        """Methods, errors of the paper, and numbers that cannot be matched."""
+        return [*published()[self.name]["notes"], *self.more_notes]
 
 
 def verdict(exhibits: Sequence[Exhibit]) -> tuple[str, list[str]]:
@@ -174,7 +174,8 @@ def verdict(exhibits: Sequence[Exhibit]) -> tuple[str, list[str]]:
     compared = [(exhibit, row) for exhibit in exhibits for row in exhibit.rows if row.paper is not None]
     misses = [
         f"{exhibit.title.partition(':')[0]}, {row.label}: {row.paper:g} printed, "
-        f"{' to '.join(f'{end:.2f}' for end in row.paper_method.predicted)} {row.unit} predicted; {exhibit.explanation}"
+        f"{' to '.join(f'{end:.2f}' for end in row.paper_method.predicted)} {row.unit} predicted; "
+        f"{published()[exhibit.name].get('explanation', 'it may be chance')}"
         for exhibit, row in compared
         if not row.is_met
     ]

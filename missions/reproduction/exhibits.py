@@ -38,7 +38,7 @@ PHASE_APERTURE = 0.345
 
 def illustrations(trials: Trials) -> tuple[Exhibit, ...]:
     """Make Fig. 1 and Fig. 3, which have no numbers."""
-    return Exhibit.of("fig1", [], draw_manifold), Exhibit.of("fig3", [], partial(draw_noisy_pulse, trials.seed))
+    return Exhibit("fig1", [], draw_manifold), Exhibit("fig3", [], partial(draw_noisy_pulse, trials.seed))
 
 
 def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
@@ -68,7 +68,7 @@ def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
         six_rows.append(compare(printed, *errors[2:5]))
         four_rows.append(compare(printed_of_four, *errors[5:]))
     figure4 = _figure4(*errors[:5])
-    return Exhibit.of("table1", six_rows), figure4, Exhibit.of("table2", four_rows)
+    return Exhibit("table1", six_rows), figure4, Exhibit("table2", four_rows)
 
 
 def _figure4(
@@ -80,7 +80,7 @@ def _figure4(
         row = compare(printed, paper_deg[:n], rounded_deg, best_deg, statistic=statistic)
         predicted = statistic(paper_deg).predicted  # from all trials
         rows.append(replace(row, paper_method=replace(row.paper_method, predicted=predicted)))
-    return Exhibit.of("fig4", rows, partial(draw_errors, true_paper[:n], paper_deg[:n], true_best, rounded_deg))
+    return Exhibit("fig4", rows, partial(draw_errors, true_paper[:n], paper_deg[:n], true_best, rounded_deg))
 
 
 def manifold_errors(trials: Trials) -> tuple[Exhibit, ...]:
@@ -90,7 +90,7 @@ def manifold_errors(trials: Trials) -> tuple[Exhibit, ...]:
         errors = _ring_errors(trials, 5, cell, half_width=printed["half_width"])
         of_spread = {"label": f"{printed['label']}, spread", "paper": printed["paper_spread"]}
         rows += compare(printed, *errors), compare(of_spread, *errors, statistic=spread)
-    return (Exhibit.of("fig5", rows),)
+    return (Exhibit("fig5", rows),)
 
 
 def element_counts(trials: Trials) -> tuple[Exhibit, ...]:
@@ -99,7 +99,7 @@ def element_counts(trials: Trials) -> tuple[Exhibit, ...]:
         compare(printed, *_ring_errors(trials, 7, cell, n_elements=printed["n_elements"], half_width=0.05))
         for cell, printed in enumerate(published()["fig7"]["rows"])
     ]
-    return (Exhibit.of("fig7", rows),)
+    return (Exhibit("fig7", rows),)
 
 
 def sample_rates(trials: Trials) -> tuple[Exhibit, ...]:
@@ -109,7 +109,7 @@ def sample_rates(trials: Trials) -> tuple[Exhibit, ...]:
         n_record = of_gain["n_record"]
         errors = _ring_errors(trials, 10, cell, n_record=n_record, n_gate=7, n_draws=1)
         rows += compare(of_gain, *errors), compare(of_phase, *_phase_errors(trials, 11, cell, n_record, 10.0))
-    return (Exhibit.of("sample_rate", rows),)
+    return (Exhibit("sample_rate", rows),)
 
 
 def phase_method(trials: Trials) -> tuple[Exhibit, ...]:
@@ -118,7 +118,7 @@ def phase_method(trials: Trials) -> tuple[Exhibit, ...]:
         compare(printed, *_phase_errors(trials, 8, cell, N_RECORD, printed["snr_db"]))
         for cell, printed in enumerate(published()["phase_method"]["rows"])
     ]
-    return (Exhibit.of("phase_method", rows),)
+    return (Exhibit("phase_method", rows),)
 
 
 def _ring_errors(

@@ -9,8 +9,6 @@ from dirmusic import GainManifold, pulse_start
 from pdpatrol.missions.reproduction.comparison import Exhibit, FloatArray
 from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ, draw_records, energy_to_noise
 
-PAPER, OURS, BEST = "#8a8f98", "#2f6db3", "#e0762b"
-
 
 def draw_bars(exhibit: Exhibit) -> Figure:
     """Draw the rows of an exhibit as a bar chart with intervals, one panel for each unit."""
@@ -19,10 +17,10 @@ def draw_bars(exhibit: Exhibit) -> Figure:
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         rows = [row for row in exhibit.rows if row.unit == unit]
         place = np.arange(len(rows))
-        axes.bar(place - 0.27, [row.paper or 0.0 for row in rows], 0.25, color=PAPER, label="paper")
+        axes.bar(place - 0.27, [row.paper or 0.0 for row in rows], 0.25, color="#8a8f98", label="paper")
         methods = (
-            ("ours, paper's method", [row.paper_method for row in rows], 0.0, OURS),
-            ("ours, best method", [row.best_method for row in rows], 0.27, BEST),
+            ("ours, paper's method", [row.paper_method for row in rows], 0.0, "#2f6db3"),
+            ("ours, best method", [row.best_method for row in rows], 0.27, "#e0762b"),
         )
         for label, measured, shift, colour in methods:
             numbers = [(each.value, *each.interval) if each else (0.0, 0.0, 0.0) for each in measured]

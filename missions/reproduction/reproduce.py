@@ -22,7 +22,7 @@ from pdpatrol.missions.reproduction.field_test import field_test
 from pdpatrol.missions.reproduction.figures import draw_bars
 from pdpatrol.missions.reproduction.simulation import N_RECORD, SAMPLE_RATE_HZ, Trials
 
-PARTS: tuple[Callable[[Trials], tuple[Exhibit, ...]], ...] = (
+PARTS = (
     exhibits.illustrations,
     exhibits.noise_tables,
     exhibits.manifold_errors,
@@ -100,23 +100,19 @@ def write_reproduction(made: Sequence[Exhibit], trials: int, seed: int, folder: 
             for exhibit in made
         },
     }
-    text = json.dumps(data, indent=2)
-    write_text(folder / "reproduction.json", text + "\n")
+    write_text(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
     page = render(
         "reproduction/reproduction.html",
         title="The Dir-MUSIC paper compared with pdpatrol",
         subject=f"{trials} trials per cell, seed {seed}",
-        source=data["source"],
-        version=data["versions"]["pdpatrol"],
-        summary=summary,
-        misses=misses,
+        data=data,
         exhibits=made,
         columns=COLUMNS,
         cells=cells,
         figures=figures,
     )
     write_text(folder / "reproduction.html", page)
-    return json.loads(text)
+    return data
 
 
 def cells(row: Row) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic import GainManifold, bearings_from_covariance, cut_windows, pulse_start, sample_covariance
 from dirmusic.angles import difference
-from dirmusic.arrays import FloatArray
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.sensing.nature.pulses import damped_pulse
 
 SAMPLE_RATE_HZ = 20e9
@@ -96,8 +96,8 @@ def wishart(
     """
     lower = np.tril(_white((n_trials, n_elements, n_elements), rng, is_complex=is_complex), -1)
     diagonal = np.arange(n_elements)
-    degrees_of_each = (1 + is_complex) * (degrees - diagonal)
-    lower[:, diagonal, diagonal] = np.sqrt(rng.chisquare(degrees_of_each, (n_trials, n_elements)))
+    chi2 = rng.chisquare((1 + is_complex) * (degrees - diagonal), (n_trials, n_elements))
+    lower[:, diagonal, diagonal] = np.sqrt(chi2)
     return lower @ np.conj(np.swapaxes(lower, -1, -2))
 
 
@@ -151,7 +151,7 @@ def draw_records(gain: FloatArray, rho: FloatArray, rng: np.random.Generator) ->
     return record
 
 
-def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> FloatArray:
+def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> IntArray:
     r"""Find the peak of the paper's eq. (15), as printed, on the 1 degree grid; degrees, shape (n_trials,).
 
     With one source, the projection of a gain vector onto the noise subspace follows from the signal eigenvector:
@@ -163,12 +163,10 @@ def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> FloatArray:
         gain: Ideal manifold on the grid, shape (n_elements, 360); complex for a manifold of phases. With one element
             the noise subspace is empty, so the spectrum is constant and the first grid angle is returned.
     """
-    if gain.shape[0] == 1:
-        return np.full(covariance.shape[0], GRID_DEG[0], dtype=np.float64)
     _, vectors = np.linalg.eigh(covariance)
     signal = np.square(np.abs(np.conj(vectors[..., -1]) @ gain))
     null = np.square(np.abs(gain)).sum(axis=0) - signal
-    return GRID_DEG[null.argmin(axis=-1)].astype(np.float64)
+    return GRID_DEG[null.argmin(axis=-1)]
 
 
 def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
@@ -177,6 +175,6 @@ def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
     return np.degrees(bearings_from_covariance(sample_covariance(gate), manifold).azimuth_rad)
 
 
-def error_deg(estimate_deg: FloatArray, true_deg: ArrayLike) -> FloatArray:
+def error_deg(estimate_deg: ArrayLike, true_deg: ArrayLike) -> FloatArray:
     """Return the estimate minus the true direction, in (-180, 180] degrees."""
     return np.degrees(difference(np.radians(estimate_deg), np.radians(true_deg)))

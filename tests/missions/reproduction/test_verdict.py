@@ -84,6 +84,6 @@ def test_verdict_names_a_number_that_does_not_agree(paper: float, is_met: bool) 
     errors_deg = np.where(np.arange(8000) % 100 < 73, 2.0, 3.0)  # success is an error of at most two degrees
     row = compare({"label": "10 dB", "paper": paper}, errors_deg)
     assert row.is_met is is_met
-    summary, misses = verdict([Exhibit.of("table1", [row])])
+    summary, misses = verdict([Exhibit("table1", [row])])
     assert summary.startswith(f"{is_met:d} of the 1 numbers")
     assert [miss.partition(":")[0] for miss in misses] == ([] if is_met else ["Table 1, 10 dB"])
