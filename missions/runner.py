@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Locator
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
-from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
@@ -106,14 +105,20 @@ class Mission:
         self.is_over = False
         self.error: UserCodeError | None = None
         self.n_visited = 0
-        simulation, pose_error = self.env.simulation, scenario.pose_sensor.pose_error
-        array, rules = simulation.array, scenario.locating.rules()
-        locator = make_locator(scenario, self.site_map, array, rules)
+        simulation = self.env.simulation
+        locator = make_locator(scenario, self.site_map, simulation.array)
         self._observation, info = self.env.reset(seed=seed)
         self.policy = make_policy(policy, simulation.generators[0].policy)
         self._happened: list[tuple[EventKind, str, int, str]] = []
         self.log = MissionLog(self._meta(scenario, policy, seed, info))
-        self._tracker = Tracker(self.log, locator, array, pose_error, simulation.estimator, rules.credibility)
+        self._tracker = Tracker(
+            self.log,
+            locator,
+            simulation.array,
+            scenario.pose_sensor.pose_error,
+            simulation.estimator,
+            scenario.locating.rules().credibility,
+        )
         if isinstance(self.policy, Oracle | OwnPolicy):
             self.policy.reveal(info["truth"])
 
@@ -141,7 +146,6 @@ class Mission:
             "sites": {name: known_yard.site_position(name).tolist() for name in known_yard.site_names()},
             "solids": solids,
             "lidar": describe_lidar(self.site_map.robot),
-            "start": {"true_pose": info["true_pose"].tolist()},
             "truth": info["truth"],
         }
 
@@ -218,24 +222,26 @@ class Mission:
     def _log_events(self, info: dict[str, Any]) -> None:
         """Log contacts, visited waypoints and waypoints given up, each in the step in which it begins."""
         visited = (np.flatnonzero(info["waypoints_visited"]) + 1).tolist()
-        happened: list[tuple[EventKind, str, int, str]] = [
+        before = self._happened
+        self._happened = [
             *(("contact", f"touched {name}", 0, name) for name in sorted(info["touched_names"])),
             *(("waypoint", f"reached waypoint {number}", number, "") for number in visited),
             *(("unreachable", f"gave up waypoint {number}", number, "") for number in sorted(self.policy.unreachable)),
         ]
-        for event in happened:
-            if event not in self._happened:
+        for event in self._happened:
+            if event not in before:
                 self.log.event(*event)
-        self._happened, self.n_visited = happened, len(visited)
+        self.n_visited = len(visited)
 
 
-def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
+def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel) -> LocatorProtocol:
     """Make the Locator of the scenario. It is given the array, fence and map as planned, never the truth.
 
     Raises:
         UserCodeError: If it is a user's Locator and cannot be loaded or made.
     """
-    name, pose_error, fence_m = scenario.locating.locator, scenario.pose_sensor.pose_error, scenario.yard.size_m
+    name, pose_error, rules = scenario.locating.locator, scenario.pose_sensor.pose_error, scenario.locating.rules()
+    fence_m = scenario.yard.size_m
     if name is None:
         return Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
     make: MakesLocator = load_object(name, LOCATOR)

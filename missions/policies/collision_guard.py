@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
+from dirmusic.angles import unit_vector
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_command
@@ -39,25 +40,23 @@ class SeenObstacles:
         deviations of pose and range, of the fence or mapped equipment are attributed to it (both assumed).
         """
         near = lidar_m < 2.5
-        bearing = pose[2] + BEAM_RAD[near]
-        points = pose[:2] + lidar_m[near, np.newaxis] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+        points = pose[:2] + lidar_m[near, np.newaxis] * unit_vector(pose[2] + BEAM_RAD[near])
         self.add(points[plan.yard.clearance(points) > 0.2], time_s)
 
     def add(self, points_m: FloatArray, time_s: float) -> None:
         """Remember points (n, 2), world frame; forget places that were last seen a minute ago (assumed)."""
-        seen_s = self._last_seen_s | dict.fromkeys(
-            map(tuple, np.round(points_m / PLACE_M).astype(int).tolist()), time_s
-        )
-        seen_s = {place: last_s for place, last_s in seen_s.items() if time_s - last_s < 60.0}
-        if seen_s.keys() != self._last_seen_s.keys():
+        places, before = np.round(points_m / PLACE_M).astype(int).tolist(), self._last_seen_s
+        seen_s = before | dict.fromkeys(map(tuple, places), time_s)
+        self._last_seen_s = {place: last_s for place, last_s in seen_s.items() if time_s - last_s < 60.0}
+        if self._last_seen_s.keys() != before.keys():
             self._map = None
-        self._last_seen_s = seen_s
 
     def on(self, plan: SiteMap) -> SiteMap:
         """Return the plan with the remembered obstacles; the same map is returned until they change."""
+        if not self._last_seen_s:
+            return plan
         if self._map is None:
-            occupied_m = PLACE_M * np.array(sorted(self._last_seen_s), dtype=np.float64).reshape(-1, 2)
-            self._map = plan.with_obstacles(occupied_m) if self._last_seen_s else plan
+            self._map = plan.with_obstacles(PLACE_M * np.array(sorted(self._last_seen_s)))
         return self._map
 
 
@@ -77,25 +76,32 @@ class CollisionGuard:
         self._last_place_m: FloatArray | None = None
         self._moved_s = 0.0
         self._stuck_at_m: list[FloatArray] = []
-        self._back_off = BACK_OFF_COMMANDS[0]
+        self._command = np.zeros(2)
         self._back_off_until_s = -np.inf
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """Return the policy's action, slowed down where needed, or an action that backs off."""
-        pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        """Return the policy's action, slowed down where needed, or an action that backs off.
+
+        The acceleration is limited to 1 m/s^2 (assumed), well below the limit of the motors, so that one wrong lidar
+        reading has little effect.
+        """
+        pose, time_s, robot = believed_pose(observation), time_of(observation, site_map), site_map.robot
+        speed_mps, lidar_m = float(observation["velocity"][0]), observation["lidar"]
         if time_s - self._scanned_s >= 0.5:  # not at every step, because each scan gives a new map (assumed)
-            self._seen.scan(observation["lidar"], pose, time_s, site_map)
+            self._seen.scan(lidar_m, pose, time_s, site_map)
             self._scanned_s = time_s
-        has_collided = self._has_collided(float(observation["velocity"][0]), site_map.robot)
-        if time_s < self._back_off_until_s:
-            return _limited(observation, self._back_off, site_map.robot)
-        action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
-        self.phase, self.unreachable = status_of(self._policy)
-        if action is None:
-            return None
-        if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
-            return self._start_back_off(observation, pose, time_s, site_map.robot, has_collided=has_collided)
-        return _limited(observation, site_map.robot.command_from_action(action), site_map.robot)
+        has_collided = self._has_collided(speed_mps, robot)
+        if time_s >= self._back_off_until_s:
+            action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
+            self.phase, self.unreachable = status_of(self._policy)
+            if action is None:
+                return None
+            self._command = robot.command_from_action(action)
+            if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
+                self._start_back_off(lidar_m, pose, time_s, robot, has_collided=has_collided)
+        v, yaw_rate = self._command.tolist()
+        fastest = max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S
+        return robot.action_from_command(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot))
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
         """Return True if the robot has moved less than 0.2 m in 4 s.
@@ -116,33 +122,24 @@ class CollisionGuard:
         return lost_mps > 1.5 * robot.max_acceleration_mps2 * STEP_S
 
     def _start_back_off(
-        self, observation: Observation, pose: FloatArray, time_s: float, robot: RobotDescription, *, has_collided: bool
-    ) -> Action:
+        self,
+        lidar_m: NDArray[np.floating],
+        pose: FloatArray,
+        time_s: float,
+        robot: RobotDescription,
+        *,
+        has_collided: bool,
+    ) -> None:
         """Start to back off towards the most free space.
 
         The obstacle of a collision, or of two stops within half a metre, is added to the map 5 cm ahead of the robot's
         outline (both assumed).
         """
         if has_collided or any(np.hypot(*(place - pose[:2])) < 0.5 for place in self._stuck_at_m):
-            ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
-            self._seen.add((pose[:2] + (robot.footprint_radius_m + 0.05) * ahead)[np.newaxis], time_s)
+            self._seen.add(pose[:2] + (robot.footprint_radius_m + 0.05) * unit_vector(pose[2:]), time_s)
         self._stuck_at_m.append(pose[:2])
-        free_m = [free_distance(observation["lidar"], v, yaw_rate, robot) for v, yaw_rate in BACK_OFF_COMMANDS.tolist()]
-        self._back_off = BACK_OFF_COMMANDS[int(np.argmax(free_m))]
+        free_m = [free_distance(lidar_m, v, yaw_rate, robot) for v, yaw_rate in BACK_OFF_COMMANDS.tolist()]
+        self._command = BACK_OFF_COMMANDS[int(np.argmax(free_m))]
         self._back_off_until_s = time_s + BACK_OFF_S
         self._last_place_m = None
         self.phase = Phase("back off")
-        return _limited(observation, self._back_off, robot)
-
-
-def _limited(observation: Observation, command: FloatArray, robot: RobotDescription) -> Action:
-    """Return the action for a command, m/s and rad/s, with a safe speed and an acceleration of at most 1 m/s^2.
-
-    The acceleration is assumed; it is well below the limit of the motors, so that one wrong lidar reading has little
-    effect.
-    """
-    v, yaw_rate = command.tolist()
-    fastest = max(float(observation["velocity"][0]) * np.sign(v), 0.0) + 1.0 * STEP_S
-    return robot.action_from_command(
-        safe_command(observation["lidar"], float(np.clip(v, -fastest, fastest)), yaw_rate, robot)
-    )

@@ -26,12 +26,11 @@ from pdpatrol.missions.policies.seek import Active, Seek
 from pdpatrol.missions.record.events import Phase
 
 
-class Random:
+class Random(ReportingPolicy):
     """Policy that drives at random and ignores obstacles, as a lower bound."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.phase = Phase("random")
-        self.unreachable: tuple[int, ...] = ()
         self._rng = rng
         self._action = np.zeros(2, dtype=np.float32)
         self._n_steps = 0
@@ -44,13 +43,11 @@ class Random:
         return self._action
 
 
-class Oracle:
+class Oracle(CollisionGuard):
     """Policy that is given the true positions, views each source from several sides, and docks, as an upper bound."""
 
     def __init__(self) -> None:
-        self.phase = Phase("oracle")
-        self.unreachable: tuple[int, ...] = ()
-        self._seek = CollisionGuard(Seek(route_first=False))
+        super().__init__(Seek(route_first=False))
         self._sources_m: list[np.ndarray] = []
 
     def reveal(self, truth: dict[str, Any]) -> None:
@@ -62,7 +59,7 @@ class Oracle:
         confirmed = [f.position_m for f in findings if f.state == "confirmed"]
         known = [
             Finding(
-                id=index + 1,
+                id=number,
                 state="candidate",
                 position_m=position,
                 covariance_m2=np.eye(3) * 1e-4,
@@ -74,12 +71,10 @@ class Oracle:
                 nearest_m=np.inf,
                 level_db=np.nan,
             )
-            for index, position in enumerate(self._sources_m)
+            for number, position in enumerate(self._sources_m, start=1)
             if all(np.hypot(*(position - other)[:2]) > 1.0 for other in confirmed)
         ]
-        action = self._seek(observation, known, site_map)
-        self.phase, self.unreachable = self._seek.phase, self._seek.unreachable
-        return action
+        return super().__call__(observation, known, site_map)
 
 
 BUILT_IN: dict[str, Callable[[np.random.Generator], ReportingPolicy]] = {
@@ -149,5 +144,4 @@ def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
     Raises:
         UserCodeError: If it is not built in and cannot be loaded or made.
     """
-    maker = load_maker(name)
-    return maker(rng) if name in BUILT_IN else OwnPolicy(maker, rng)
+    return BUILT_IN[name](rng) if name in BUILT_IN else OwnPolicy(load_maker(name), rng)

@@ -11,16 +11,15 @@ from dirmusic import Finding
 from pdpatrol.envs.observation import Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
-from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, believed_pose, time_of
 from pdpatrol.missions.record.events import Phase
 
 
-class Patrol:
+class Patrol(ReportingPolicy):
     """Policy that drives the route and returns to the dock, whatever is detected; without a route it stands still."""
 
     def __init__(self) -> None:
         self.phase = Phase("patrol")
-        self.unreachable: tuple[int, ...] = ()
         self._next_stop = 0
         self._drive: PathFollower | None = None
         self._legs_m: list[float] = []

@@ -69,7 +69,7 @@ class ReportingPolicy(Policy, Protocol):
     """A policy that reports its phase and the waypoints that it has given up, as all built-in ones do."""
 
     phase: Phase
-    unreachable: tuple[int, ...]
+    unreachable: tuple[int, ...] = ()
 
 
 def checked_action(action: object, policy: object) -> Action | None:

@@ -15,7 +15,7 @@ from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.patrol import Patrol
-from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, believed_pose, time_of
 from pdpatrol.missions.policies.viewpoints import (
     MIN_PATH_M,
     best_viewpoint,
@@ -73,7 +73,7 @@ class Pursuit:
             self.detected_s, self.undetected_s = target.last_detected_s, 0.0
 
 
-class Seek:
+class Seek(ReportingPolicy):
     """Policy that patrols, views each candidate from several sides until it is confirmed, and returns to the route.
 
     Args:
@@ -83,7 +83,6 @@ class Seek:
     def __init__(self, *, route_first: bool = True) -> None:
         self._route_first = route_first
         self.phase = Phase("patrol")
-        self.unreachable: tuple[int, ...] = ()
         self._patrol = Patrol()
         self._target: int | None = None
         self._pursuits: dict[int, Pursuit] = {}
@@ -144,7 +143,7 @@ class Seek:
         target = min(candidates.values(), key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._target = target.id
         self._pursuits.setdefault(target.id, Pursuit())
-        self._views_m, self._drive = [], None
+        self._views_m = []
         return target
 
     def _drop(self) -> None:
@@ -157,8 +156,8 @@ class Seek:
         if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > 0.5:  # a new view (assumed)
             self._views_m.append(pose[:2].copy())
         drive = self._drive
-        needs_another = drive is None or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map)
-        if needs_another or time_s - self._planned_s >= 3.0:  # time to search for a better viewpoint (assumed)
+        is_due = time_s - self._planned_s >= 3.0  # time to search for a better viewpoint (assumed)
+        if drive is None or is_due or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map):
             paths = site_map.reach(pose)
             mean_speed_mps = 0.6 * site_map.robot.max_speed_mps  # with stops and turns (assumed)
             route_s = self._patrol.remaining_m(paths, site_map) / mean_speed_mps
@@ -168,7 +167,6 @@ class Seek:
                 return None
             drive = PathFollower(site_map, pose, goal, time_s, 0.4, paths)
             self._drive, self._planned_s = drive, time_s
-        assert drive is not None
         return drive.action(pose) if drive.is_reachable else None
 
 

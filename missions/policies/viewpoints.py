@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from dirmusic import Finding
-from dirmusic.angles import difference
+from dirmusic.angles import azimuth_of, difference, unit_vector
 from dirmusic.arrays import FloatArray
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 
@@ -65,16 +65,15 @@ def best_viewpoint(
     if not site_map.knows_pattern_above:
         least_m = abs(target_m[2] - site_map.antenna_height_m) / np.tan(MAX_ELEVATION_RAD)
         radii_m = radii_m + max(least_m - radii_m[0], 0.0)
-    spokes = np.stack([np.cos(aspects_rad), np.sin(aspects_rad)], axis=-1)
-    ring = target_m[:2] + np.multiply.outer(radii_m, spokes).reshape(-1, 2)
+    ring = target_m[:2] + np.multiply.outer(radii_m, unit_vector(aspects_rad)).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
     clearance_m = site_map.robot.footprint_radius_m + 0.2  # to stop and turn there (assumed)
-    ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
-    ring = ring[site_map.in_sight(ring, target_m, 0.5)] if ring.size else ring
+    ring = ring[site_map.clearance(ring) > clearance_m]
+    ring = ring[site_map.in_sight(ring, target_m, 0.5)]
     length_m = paths.length_m[site_map.nearest_free(ring)]
     new_rad = novelty(ring, target_m, views_m)
     cost_m = np.where((length_m > MIN_PATH_M) & (new_rad > np.radians(15.0)), length_m - worth(new_rad), np.inf)
-    if cost_m.size and np.isfinite(cost_m.min()):
+    if np.isfinite(cost_m).any():
         return ring[cost_m.argmin()]
     return _sidestep(target_m, views_m, paths, site_map)
 
@@ -97,9 +96,7 @@ def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, s
 
 def novelty(points_m: FloatArray, target_m: FloatArray, views_m: FloatArray) -> FloatArray:
     """Return the angle at the target between each point (n, 2) and the nearest earlier view, shape (n,)."""
-    views = views_m - target_m[:2]
-    earlier = np.arctan2(views[:, 1], views[:, 0])
-    aspect = np.arctan2(points_m[:, 1] - target_m[1], points_m[:, 0] - target_m[0])
+    earlier, aspect = azimuth_of(views_m - target_m[:2]), azimuth_of(points_m - target_m[:2])
     return np.abs(difference(aspect[:, np.newaxis], earlier)).min(axis=-1)
 
 
@@ -115,7 +112,7 @@ def driving_time(paths: ShortestPaths, pose: FloatArray, site_map: SiteMap) -> F
     Assumed: 75 % of the top speed, 60 % of the top yaw rate, and a first turn towards the path 0.7 m ahead.
     """
     away_m = site_map.centres_m[paths.cell_after(0.7)] - pose[:2]
-    turn_rad = np.abs(difference(np.arctan2(away_m[:, 1], away_m[:, 0]), pose[2])) * (paths.length_m >= 0.7)
+    turn_rad = np.abs(difference(azimuth_of(away_m), pose[2])) * (paths.length_m >= 0.7)
     robot = site_map.robot
     return paths.length_m / (0.75 * robot.max_speed_mps) + turn_rad / (0.6 * robot.max_yaw_rate_radps)
 
@@ -150,5 +147,5 @@ def expected_information(places_m: FloatArray, target_m: FloatArray, site_map: S
     by_strength = 1.0 / (np.square(elevation_std_rad * range_m) + position_m2)
     is_visible = plan_m < farthest_m
     is_visible[is_visible] = site_map.in_sight(places_m[is_visible], target_m, depth_m)
-    information = np.einsum("n,ni,nj->nij", by_bearing * is_visible, across, across)
-    return information + np.einsum("n,ni,nj->nij", by_strength * is_visible, upward, upward)
+    axes, weights = np.stack([across, upward]), np.stack([by_bearing, by_strength]) * is_visible
+    return np.einsum("kn,kni,knj->nij", weights, axes, axes)

@@ -53,7 +53,7 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
         own = np.flatnonzero(association["finding"] == number)  # association and bearing have the same rows
         rows = association["pulse"][own]
         at = pulse["step"][rows]
-        position_m = table["position_m"][np.flatnonzero(table["id"] == number)[-1]]
+        position_m = table["position_m"][table["id"] == number][-1]
         offset_m = position_m[:2] - step["pose"][at, :2]
         range_m = np.maximum(np.linalg.norm(offset_m, axis=-1), 0.1)  # about the size of the array
         chunks = np.array_split(azimuth[own], 1 + own.size // 10_000)  # half a kilobyte per pulse

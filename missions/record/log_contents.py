@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dirmusic import ArrayModel, GainManifold, GaussianPattern, TabulatedPattern
-from dirmusic.angles import difference
+from dirmusic.angles import azimuth_of, difference
 from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario.map import MapConfig
@@ -72,11 +72,11 @@ def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
     """
     sources = log.meta["truth"]["sources"]
     bearing, pulse_step = log.table("bearing"), log.column("pulse", "step")
-    if len(sources) != 1 or bearing["pulse"].size == 0:
+    if len(sources) != 1:
         return float("nan")
     pose = log.column("step", "true_pose")[pulse_step[bearing["pulse"]]]
     source_m = np.asarray(sources[0]["position_m"])
     in_sight = SiteMap(scenario, scenario.yard).in_sight(pose[:, :2], source_m, 0.1)
     sight = source_m[:2] - pose[:, :2]
-    error = difference(bearing["azimuth_rad"], np.arctan2(sight[:, 1], sight[:, 0]) - pose[:, 2])[in_sight]
+    error = difference(bearing["azimuth_rad"], azimuth_of(sight) - pose[:, 2])[in_sight]
     return float(np.sqrt(np.mean(np.square(error)))) if error.size else float("nan")

@@ -69,7 +69,7 @@ def test_locator_update_time_grows_little_with_pulses(name: str, monkeypatch: py
     with monkeypatch.context() as patch:
         patch.setattr(Locator, "update", recorded)
         mission.run()
-    locator = make_locator(scenario, mission.site_map, mission.env.simulation.array, scenario.locating.rules())
+    locator = make_locator(scenario, mission.site_map, mission.env.simulation.array)
     seconds, n_pulses, refits, round_s = list[float](), [0], list[bool](), 0.0
     while n_pulses[-1] < 11_000:
         for time_s, pose, pulses in tracked:
