@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -40,12 +41,12 @@ class Stopwatch:
     """Stopwatch of the wall time by activity, from its construction on.
 
     Attributes:
-        spent_s: Seconds by activity, in the order in which each began.
+        spent_s: Seconds by activity, in the order in which each first ended.
     """
 
     def __init__(self) -> None:
         self._started_s = time.perf_counter()
-        self.spent_s: dict[str, float] = {}
+        self.spent_s = defaultdict[str, float](float)
 
     @property
     def total_s(self) -> float:
@@ -56,11 +57,8 @@ class Stopwatch:
     def on(self, activity: str) -> Iterator[None]:
         """Add the time within the block to an activity."""
         began_s = time.perf_counter()
-        self.spent_s.setdefault(activity, 0.0)
-        try:
-            yield
-        finally:
-            self.spent_s[activity] += time.perf_counter() - began_s
+        yield
+        self.spent_s[activity] += time.perf_counter() - began_s
 
 
 class Mission:
@@ -253,12 +251,6 @@ def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel) -> Lo
     return locator
 
 
-def run_mission(
-    scenario: Scenario,
-    policy: str = "seek",
-    seed: int = 0,
-    folder: Path | None = None,
-    after_step: Callable[[Mission], None] | None = None,
-) -> MissionLog:
-    """Run a mission to its end; see `Mission` and `Mission.run` for the arguments."""
-    return Mission(scenario, policy, seed, folder).run(after_step)
+def run_mission(scenario: Scenario, policy: str = "seek", seed: int = 0) -> MissionLog:
+    """Run a mission to its end; see `Mission` for the arguments."""
+    return Mission(scenario, policy, seed).run()

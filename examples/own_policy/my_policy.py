@@ -45,7 +45,7 @@ class MyPolicy:
             places = target.position_m[:2] + RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles)])
             cells = [paths.nearest(place) for place in places]  # on free ground
             goal = site_map.centres_m[min(cells, key=lambda cell: paths.length_m[cell])]
-            self._drive, self._planned_s = PathFollower(site_map, pose, goal, time_s, 0.5, paths), time_s
+            self._drive, self._planned_s = PathFollower(paths, goal, time_s, 0.5), time_s
         self.phase = Phase("circle", target.id)
         return self._drive.action(pose)
 

@@ -27,12 +27,10 @@ class PathFollower:
     """Controller that drives to one goal, and gives it up if it is unreachable or the drive takes too long.
 
     Args:
-        site_map: Map of free ground.
-        pose: Estimated pose, shape (3,).
+        paths: Shortest paths from the robot: `site_map.reach(pose)`.
         goal_m: Goal, shape (2,), world frame.
         time_s: Current time.
         radius_m: Distance at which the goal counts as reached.
-        reach: Shortest paths from `pose` on `site_map`, if they are known already.
 
     Attributes:
         path_m: Path to the goal, or to the nearest place that can be reached, shape (n, 2).
@@ -40,31 +38,23 @@ class PathFollower:
         deadline_s: Time at which the goal is given up.
     """
 
-    def __init__(
-        self,
-        site_map: SiteMap,
-        pose: FloatArray,
-        goal_m: FloatArray,
-        time_s: float,
-        radius_m: float,
-        reach: ShortestPaths | None = None,
-    ) -> None:
+    def __init__(self, paths: ShortestPaths, goal_m: FloatArray, time_s: float, radius_m: float) -> None:
         self.goal_m = goal_m
         self.radius_m = radius_m
-        length_m = self._plan(site_map, reach or site_map.reach(pose))
-        self.deadline_s = time_s + length_m / (0.5 * site_map.robot.max_speed_mps) + SLACK_S
+        length_m = self._plan(paths)
+        self.deadline_s = time_s + length_m / (0.5 * paths.site_map.robot.max_speed_mps) + SLACK_S
 
-    def _plan(self, site_map: SiteMap, reach: ShortestPaths) -> float:
+    def _plan(self, paths: ShortestPaths) -> float:
         """Find the path that ends nearest to the goal and return its cost-weighted length, metres."""
-        self.site_map = site_map
-        cell = reach.nearest(self.goal_m)
-        self.path_m = reach.path(cell)
-        if site_map.is_clear(self.path_m[-1], self.goal_m):
+        self.site_map = paths.site_map
+        cell = paths.nearest(self.goal_m)
+        self.path_m = paths.path(cell)
+        if self.site_map.is_clear(self.path_m[-1], self.goal_m):
             self.path_m = np.vstack([self.path_m, self.goal_m])
         self._along_m = distances_along(self.path_m)
-        self._speed_mps = speed_profile(self.path_m, site_map.robot)
-        self.is_reachable = bool(np.linalg.norm(self.path_m[-1] - self.goal_m) <= self.radius_m)
-        return float(reach.length_m[cell])
+        self._speed_mps = speed_profile(self.path_m, self.site_map.robot)
+        self.is_reachable = self.has_arrived(self.path_m[-1])
+        return float(paths.length_m[cell])
 
     def is_planned_on(self, site_map: SiteMap) -> bool:
         """Return True if the path was planned with the obstacles that a map now shows."""
@@ -73,7 +63,7 @@ class PathFollower:
     def update_map(self, site_map: SiteMap, pose: FloatArray) -> None:
         """Plan a new path from a pose if the obstacles have changed; the deadline stays."""
         if not self.is_planned_on(site_map):
-            self._plan(site_map, site_map.reach(pose))
+            self._plan(site_map.reach(pose))
 
     def is_over(self, pose: FloatArray, time_s: float) -> bool:
         """Return True if the goal is reached, cannot be reached according to the plan, or has taken too long.

@@ -35,7 +35,7 @@ class Patrol(ReportingPolicy):
         while self._next_stop < len(stops):
             goal, is_dock = np.asarray(stops[self._next_stop]), self._next_stop == len(stops) - 1
             if self._drive is None:
-                self._drive = PathFollower(site_map, pose, goal, time_s, radius)
+                self._drive = PathFollower(site_map.reach(pose), goal, time_s, radius)
             self._drive.update_map(site_map, pose)
             if not self._drive.is_over(pose, time_s):
                 self.phase = Phase("return to dock") if is_dock else Phase("patrol", self._next_stop + 1)
@@ -55,11 +55,11 @@ class Patrol(ReportingPolicy):
 
         Stops without a known path do not count.
         """
-        stops = [*site_map.route.waypoints_m, site_map.route.dock_m]
+        stops = [*site_map.route.stops_m, site_map.route.dock_m]
         if not self._legs_m:
             self._legs_m = [site_map.reach(a).length_m[site_map.cell(b)] for a, b in pairwise(stops)]
-        first_m = [paths.length_m[site_map.cell(stop)] for stop in stops[self._next_stop : self._next_stop + 1]]
-        return float(sum(leg_m for leg_m in [*first_m, *self._legs_m[self._next_stop :]] if np.isfinite(leg_m)))
+        first_m = paths.length_m[site_map.cell(stops[self._next_stop])]
+        return float(sum(leg_m for leg_m in [first_m, *self._legs_m[self._next_stop :]] if np.isfinite(leg_m)))
 
     def resume(self) -> None:
         """Plan the path to the next stop again, after a detour."""

@@ -112,7 +112,7 @@ class Seek(ReportingPolicy):
         return action
 
     def viewpoint(
-        self, target: Finding, views_m: FloatArray, pose: FloatArray, paths: ShortestPaths, site_map: SiteMap
+        self, target: Finding, views_m: FloatArray, pose: FloatArray, paths: ShortestPaths
     ) -> FloatArray | None:
         """Return the place from which to view a candidate next, shape (2,); None if no place helps.
 
@@ -121,9 +121,8 @@ class Seek(ReportingPolicy):
             views_m: Places from which it has been viewed, shape (n, 2), n at least 1.
             pose: Estimated pose, shape (3,).
             paths: Shortest paths from that pose.
-            site_map: Map of free ground and lines of sight.
         """
-        return best_viewpoint(target.position_m, views_m, paths, site_map)
+        return best_viewpoint(target.position_m, views_m, paths)
 
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
         """Return the current candidate while it has time left, else the nearest one that has."""
@@ -162,10 +161,10 @@ class Seek(ReportingPolicy):
             mean_speed_mps = 0.6 * site_map.robot.max_speed_mps  # with stops and turns (assumed)
             route_s = self._patrol.remaining_m(paths, site_map) / mean_speed_mps
             self._is_late = self._route_first and time_s + route_s > site_map.task.time_limit_s
-            goal = None if self._is_late else self.viewpoint(target, np.asarray(self._views_m), pose, paths, site_map)
+            goal = None if self._is_late else self.viewpoint(target, np.array(self._views_m), pose, paths)
             if goal is None:
                 return None
-            drive = PathFollower(site_map, pose, goal, time_s, 0.4, paths)
+            drive = PathFollower(paths, goal, time_s, 0.4)
             self._drive, self._planned_s = drive, time_s
         return drive.action(pose) if drive.is_reachable else None
 
@@ -178,7 +177,7 @@ class Active(Seek):
         self._chosen: tuple[int, int] | None = None
 
     def viewpoint(
-        self, target: Finding, views_m: FloatArray, pose: FloatArray, paths: ShortestPaths, site_map: SiteMap
+        self, target: Finding, views_m: FloatArray, pose: FloatArray, paths: ShortestPaths
     ) -> FloatArray | None:
         """Return the end of the fastest path on which the candidate is expected to be located accurately enough.
 
@@ -189,18 +188,19 @@ class Active(Seek):
         plans.
         """
         if target.semi_major_m <= KNOWN_M:
-            return super().viewpoint(target, views_m, pose, paths, site_map)
+            return super().viewpoint(target, views_m, pose, paths)
+        site_map = paths.site_map
         target_m = likely_place(target, pose, site_map)
         information = expected_information(site_map.centres_m, target_m, site_map)
         is_new = np.asarray(KDTree(views_m).query(site_map.centres_m)[0]) > 0.6
         gained = paths.integrate(information * is_new[:, np.newaxis, np.newaxis])
         after_m2 = np.asarray(np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained), dtype=np.float64)
         semi_major_m = np.sqrt(CHI2_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
-        time_s = np.where(paths.length_m > MIN_PATH_M, driving_time(paths, pose, site_map), np.inf)
+        time_s = np.where(paths.length_m > MIN_PATH_M, driving_time(paths, pose), np.inf)
         sufficient_s = np.where(semi_major_m <= 0.8 * KNOWN_M, time_s, np.inf)
         best = int(sufficient_s.argmin())
         if not np.isfinite(sufficient_s[best]):
-            return super().viewpoint(target, views_m, pose, paths, site_map)
+            return super().viewpoint(target, views_m, pose, paths)
         if self._chosen is not None and self._chosen[0] == target.id:
             kept = self._chosen[1]
             if semi_major_m[kept] <= KNOWN_M and time_s[kept] <= sufficient_s[best] + 2.0:

@@ -98,7 +98,7 @@ class MissionLog:
         self._rows: dict[str, dict[str, list[Any]]] = {
             table: {column: [] for column in columns} for table, columns in TABLES.items()
         }
-        self._written: dict[str, int] = dict.fromkeys(TABLES, 0)
+        self._written: dict[str, int] = {}
 
     @property
     def last_step(self) -> int:
@@ -157,9 +157,11 @@ class MissionLog:
         return {column: self.column(table, column, start, stop) for column in TABLES[table]}
 
     def _write(self, path: Path, start: Mapping[str, int]) -> None:
-        """Write the rows from `start` on, by table."""
+        """Write the rows from `start` on, by table; from 0 for tables that it does not contain."""
         arrays = {
-            f"{table}.{name}": column for table in TABLES for name, column in self.table(table, start[table]).items()
+            f"{table}.{name}": column
+            for table in TABLES
+            for name, column in self.table(table, start.get(table, 0)).items()
         }
         with atomic_file(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, meta=np.array(json.dumps(self.meta)), **arrays)
@@ -173,7 +175,7 @@ class MissionLog:
 
     def save(self, folder: Path) -> None:
         """Write `log.npz` and remove the parts."""
-        self._write(folder / "log.npz", dict.fromkeys(TABLES, 0))
+        self._write(folder / "log.npz", {})
         shutil.rmtree(folder / "log.parts", ignore_errors=True)
 
     @classmethod

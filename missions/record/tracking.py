@@ -178,10 +178,10 @@ class Tracker:
         is_tuple = isinstance(findings, tuple) and all(isinstance(finding, Finding) for finding in findings)
         if not is_tuple or len({finding.id for finding in findings}) < len(findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
-        before, has_changed = {finding.id: finding for finding in self.findings}, findings != self.findings
-        self.findings = findings
-        if not has_changed:
+        if findings == self.findings:
             return
+        before = {finding.id: finding for finding in self.findings}
+        self.findings = findings
         for finding in findings:
             was = before.pop(finding.id, None)
             if was is None or was.state != finding.state:

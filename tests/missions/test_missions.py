@@ -112,7 +112,7 @@ def test_interrupted_mission_equals_a_shorter_one() -> None:
         if mission.time_s >= 2.0 and not mission.is_over:
             mission.end("interrupted")
 
-    cut = run_mission(load_scenario("one_source"), "patrol", seed=1, after_step=stop)
+    cut = Mission(load_scenario("one_source"), "patrol", 1).run(stop)
     assert cut.n_rows("step") == 20
     whole = run_mission(limited("one_source", 2.0), "patrol", seed=1)
     np.testing.assert_array_equal(cut.column("pulse", "strengths_v"), whole.column("pulse", "strengths_v"))

@@ -39,7 +39,7 @@ def test_paths_avoid_obstacles_until_they_are_removed() -> None:
 
 def test_drive_replans_on_changed_map_and_keeps_deadline() -> None:
     pose = np.array([3.0, 3.0, 0.0])
-    leg = PathFollower(MAP, pose, np.array([9.0, 3.0]), 0.0, 0.4)
+    leg = PathFollower(MAP.reach(pose), np.array([9.0, 3.0]), 0.0, 0.4)
     before, deadline_s = leg.path_m, leg.deadline_s
     leg.update_map(MAP, pose)
     assert leg.path_m is before
@@ -51,7 +51,7 @@ def test_drive_replans_on_changed_map_and_keeps_deadline() -> None:
 def test_obstructed_goal_is_approached_until_the_deadline() -> None:
     pose, goal = np.array([3.0, 3.0, 0.0]), np.array([9.0, 3.0])
     around = goal + 0.4 * np.stack([np.cos(np.arange(0, 6.3, 0.3)), np.sin(np.arange(0, 6.3, 0.3))], axis=-1)
-    leg = PathFollower(MAP.with_obstacles(around), pose, goal, 0.0, 0.3)
+    leg = PathFollower(MAP.with_obstacles(around).reach(pose), goal, 0.0, 0.3)
     assert not leg.is_reachable
     assert not leg.is_over(pose, 1.0)
     assert leg.is_over(pose, leg.deadline_s + 0.1)

@@ -76,7 +76,7 @@ def test_information_falls_with_uncertain_array_or_pose(worse: dict[str, float],
 
 def viewpoint(policy: Active, target: Finding, pose: np.ndarray) -> np.ndarray:
     """Return the next viewpoint of a candidate that has been viewed from the pose alone."""
-    view = policy.viewpoint(target, pose[np.newaxis, :2], pose, SITE_MAP.reach(pose), SITE_MAP)
+    view = policy.viewpoint(target, pose[np.newaxis, :2], pose, SITE_MAP.reach(pose))
     assert view is not None
     return view
 

@@ -47,7 +47,7 @@ def test_candidate_is_left_without_improvement_or_detection(longest_s: float, de
 def test_high_candidate_is_viewed_from_afar_with_planar_pattern() -> None:
     unsure = SiteMap(load_scenario("one_source", {"array.pattern_error": 0.02}))
     start, head_m = np.array([16.0, 5.0]), np.array([13.0, 9.1, 3.2])
-    views = {site_map: best_viewpoint(head_m, start[np.newaxis], site_map.reach(start), site_map)
+    views = {site_map: best_viewpoint(head_m, start[np.newaxis], site_map.reach(start))
              for site_map in (SITE_MAP, unsure)}  # fmt: skip
     elevation_rad = {
         site_map: np.arctan2(head_m[2] - site_map.antenna_height_m, np.linalg.norm(view - head_m[:2]))
