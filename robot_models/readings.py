@@ -6,29 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled
-
-
-class Drive(NamedTuple):
-    """Driven wheels of a robot; a row is a wheel.
-
-    Attributes:
-        joint: Column of the wheel's angle among the joint positions, shape (n_wheels,).
-        actuator: Column of the wheel's motor among the actuators, shape (n_wheels,).
-        side: 0 on the left, 1 on the right, shape (n_wheels,).
-        side_share: Reciprocal of the number of driven wheels on the same side, shape (n_wheels,).
-        resistance_ohm: Resistance of the motor, shape (n_wheels,); 0 if the robot's file does not state it.
-        constant_nmpa: Torque constant of the motor, shape (n_wheels,).
-    """
-
-    joint: IntArray
-    actuator: IntArray
-    side: IntArray
-    side_share: FloatArray
-    resistance_ohm: FloatArray
-    constant_nmpa: FloatArray
-
 
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, 8, slice(9, None)
 """Columns of `Readings.values`.
@@ -72,12 +51,14 @@ def read(
             linear velocity of the base in the world frame and angular velocity in the base frame, shape (n, 6); all
             joint positions; torques and speeds of all actuators; and ranges of the lidar beams from their start,
             negative without a hit.
-        drive: `Drive` as a plain tuple, which compiled functions access faster.
+        drive: Driven wheels; a row is a wheel: column of its angle among the joint positions; column of its motor among
+            the actuators; side, 0 for left and 1 for right; reciprocal of the number of driven wheels on that side;
+            resistance of the motor, ohm, 0 if the robot's file does not state it; torque constant, N m/A.
         beams_start_m: Distance from the robot's middle to the start of the lidar beams.
         reach_m: Maximum range of the lidar.
     """
     base, base_velocity, joints, torque_nm, actuator_radps, beams_m = live
-    wheels = Drive(*drive)
+    joint, actuator, side, side_share, resistance_ohm, constant_nmpa = drive
     n, n_beams = beams_m.shape
     values, world_from_base = np.zeros((n, 9 + n_beams)), np.zeros((n, 4, 4))
     pose, velocity, wheel_angles = values[:, POSE], values[:, VELOCITY], values[:, WHEEL_ANGLES]
@@ -99,11 +80,11 @@ def read(
         moving = base_velocity[r]
         velocity[r, 0] = np.cos(yaw) * moving[0] + np.sin(yaw) * moving[1]
         velocity[r, 1] = moving[5]
-        for k in range(wheels.joint.size):
-            wheel_angles[r, wheels.side[k]] += wheels.side_share[k] * joints[r, wheels.joint[k]]
-            torque = torque_nm[r, wheels.actuator[k]]
-            copper_w = (torque / wheels.constant_nmpa[k]) ** 2 * wheels.resistance_ohm[k]
-            motor_power_w[r] += max(torque * actuator_radps[r, wheels.actuator[k]] + copper_w, 0.0)
+        for k in range(joint.size):
+            wheel_angles[r, side[k]] += side_share[k] * joints[r, joint[k]]
+            torque = torque_nm[r, actuator[k]]
+            copper_w = (torque / constant_nmpa[k]) ** 2 * resistance_ohm[k]
+            motor_power_w[r] += max(torque * actuator_radps[r, actuator[k]] + copper_w, 0.0)
         for beam in range(n_beams):
             range_m = beams_m[r, beam] + beams_start_m
             lidar_m[r, beam] = range_m if beams_start_m <= range_m <= reach_m else reach_m

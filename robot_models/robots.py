@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import driven_wheels
-from pdpatrol.robot_models.readings import Drive, Readings, read
+from pdpatrol.robot_models.readings import Readings, read
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, AntennaElements
 from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
@@ -65,8 +65,8 @@ class Robots:
             batch.sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
         drive = _drive(model)
-        self._read = (live, tuple(drive), robot.lidar_start_m, LIDAR_RANGE_M)
-        self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
+        self._read = (live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
+        self._wheels, self._all_rows = drive[1:3], np.arange(n_robots)
         self._steering = (
             robot.max_speed_mps,
             robot.max_yaw_rate_radps,
@@ -217,16 +217,10 @@ class Robots:
         self._feedback, self._places, self.is_touching, self.readings = own
 
 
-def _drive(model: mujoco.MjModel) -> Drive:
-    """Look up the driven wheels and the data of their motors in the model."""
+def _drive(model: mujoco.MjModel) -> tuple[Any, ...]:
+    """Look up the driven wheels and the data of their motors in the model; see `readings.read`."""
     joint, actuator, side = driven_wheels(model)
     is_dc = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_DCMOTOR
-    resistance, constant = model.actuator_gainprm[actuator, :2].T
-    return Drive(
-        joint=model.jnt_qposadr[joint].astype(np.intp),
-        actuator=actuator,
-        side=side,
-        side_share=1.0 / np.bincount(side)[side],
-        resistance_ohm=np.where(is_dc, resistance, 0.0),
-        constant_nmpa=np.where(is_dc, constant, 1.0),
-    )
+    resistance_ohm, constant_nmpa = model.actuator_gainprm[actuator, :2].T
+    side_share, column = 1.0 / np.bincount(side)[side], model.jnt_qposadr[joint].astype(np.intp)
+    return column, actuator, side, side_share, np.where(is_dc, resistance_ohm, 0.0), np.where(is_dc, constant_nmpa, 1.0)

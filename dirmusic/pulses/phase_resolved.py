@@ -133,8 +133,10 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     level = level - np.median(level)
     spread_db = max(float(level.std()), 0.5)
     of_uniform = -0.5 * np.square((level - level.mean()) / spread_db) - np.log(spread_db * (2 * np.pi) ** 1.5)
-    densities: dict[KindName, FloatArray] = {kind: _densities(phase, level, KINDS[kind]) for kind in KINDS}
-    fits: dict[KindName, _Fit] = {kind: _best(densities[kind]) for kind in KINDS}
+    densities: dict[KindName, FloatArray] = {
+        kind: _densities(phase, level, clusters) for kind, clusters in KINDS.items()
+    }
+    fits: dict[KindName, _Fit] = {kind: _best(density) for kind, density in densities.items()}
     evidence = np.array([*(fit.log_likelihood for fit in fits.values()), of_uniform.sum()])
     independent_pulses = 12  # assumed: further pulses are not independent evidence, since every pattern is atypical
     weight = np.exp((evidence - evidence.max()) * min(1.0, independent_pulses / phase.size))
