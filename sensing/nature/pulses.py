@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from functools import cache
 from typing import NamedTuple, Self
 
@@ -44,7 +45,6 @@ def _peak() -> float:
     return float(np.abs(_unscaled_pulse(np.arange(0.0, 5 * DECAY_S, 1e-13), 0.0)).max())
 
 
-@cache
 def unit_pulse_energy(sample_rate_hz: float) -> float:
     """Return the sum of the squared samples of a pulse with a peak of 1 V, V^2.
 
@@ -100,16 +100,13 @@ class PulseTrain(NamedTuple):
             conductor_rad: Lag of the conductor's voltage behind the mains phase of the receiver.
             rng: Generator of these differences; None for a typical defect.
         """
-        share, centre_deg, width_deg, level_db, spread_db, polarity = np.array(
-            [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in KINDS[kind]]
-        ).T
+        share, centre_deg, width_deg, level_db, spread_db, polarity = np.array([astuple(c) for c in KINDS[kind]]).T
         if rng is not None:
             common_deg = rng.normal(0.0, 5.0)
             off_share, off_deg, off_width, off_db = rng.normal(0.0, (0.2, 3.0, 0.15, 1.0), (share.size, 4)).T
             share, width_deg = share * np.exp(off_share), width_deg * np.exp(off_width)
             centre_deg, level_db = centre_deg + common_deg + off_deg, level_db + off_db
-        mains, lag = np.full(share.size, mains_hz), np.full(share.size, conductor_rad / (2 * np.pi))
-        is_even = np.zeros(share.size, np.bool_)
+        mains, lag, is_even = (np.full(share.size, same) for same in (mains_hz, conductor_rad / (2 * np.pi), False))
         centre, width, rate_hz = centre_deg / 360.0, width_deg / 360.0, share / share.sum()
         return cls(rate_hz, mains, lag, centre, width, level_db, spread_db, polarity, is_even)
 

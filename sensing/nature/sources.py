@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.sensing.nature.pulses import PulseTrain
 from pdpatrol.sensing.radio.surroundings import Surroundings
-
-
-def round_to_nanoseconds(time_s: float) -> float:
-    """Round a time >= 0, so that a shot on the boundary of two intervals falls into exactly one of them."""
-    return int(time_s * 1e9 + 0.5) / 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,9 +67,9 @@ class DischargeSource:
     speed_mps: float = 0.0
 
     @property
-    def clusters(self) -> PulseTrain | None:
-        """Clusters of random pulses, at the pulse rate of the source; None for a discharge gun."""
-        return None if self.n_shots is not None else (self.train or PulseTrain.at_any_phase()).times(self.pulse_rate_hz)
+    def clusters(self) -> PulseTrain:
+        """Clusters of random pulses, at the pulse rate of the source; at rate 0 for a discharge gun."""
+        return (self.train or PulseTrain.at_any_phase()).times(self.pulse_rate_hz if self.n_shots is None else 0.0)
 
     def position_at(self, time_s: float) -> FloatArray:
         """Return the position at a time, shape (3,), world frame."""
@@ -86,33 +81,28 @@ class DischargeSource:
         return self.position_m + min(moved_m, 2 * length_m - moved_m) / length_m * line_m
 
     def shots_s(self, start_s: float, duration_s: float) -> FloatArray:
-        """Return the times of the shots within an interval, shape (n,)."""
+        """Return the times of the shots of a discharge gun within an interval, shape (n,).
+
+        All times are rounded to nanoseconds, so that a shot on the boundary of two intervals falls into exactly one.
+        """
         first, end = ((at_s - self.first_shot_s) * self.pulse_rate_hz for at_s in (start_s, start_s + duration_s))
         number = np.arange(max(int(first) - 1, 0), min(int(end) + 2, self.n_shots or 0))
         shot_s = np.round(self.first_shot_s + number / self.pulse_rate_hz, 9)
-        first_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
-        return shot_s[(shot_s >= first_s) & (shot_s < end_s)]
+        return shot_s[(shot_s >= round(start_s, 9)) & (shot_s < round(start_s + duration_s, 9))]
 
 
 class Emissions(NamedTuple):
-    """Emissions of the sources of a scene, ordered by time.
+    """Emissions of the sources of a scene.
 
     Attributes:
         source: Index of the source, shape (n,).
-        time_s: Time, shape (n,), ascending.
+        time_s: Time, shape (n,).
         peak_v: Signed peak 1 m away, in a unit-gain channel before the band-pass filter, shape (n,).
     """
 
     source: IntArray
     time_s: FloatArray
     peak_v: FloatArray
-
-    @classmethod
-    def join(cls, parts: Sequence[Emissions]) -> Self:
-        """Join emissions and order them by time."""
-        source, time_s, peak_v = (np.concatenate(column) for column in zip(*parts, strict=True))
-        order = np.argsort(time_s, kind="stable")
-        return cls(source[order], time_s[order], peak_v[order])
 
     def take(self, chosen: IntArray | BoolArray | slice) -> Emissions:
         """Return some of the emissions."""
@@ -145,35 +135,34 @@ class Scene:
     ) -> None:
         self.sources, self.carriers = tuple(sources), tuple(carriers)
         self.surroundings = surroundings or Surroundings.free_space()
-        self.positions_m = np.array([source.position_m for source in sources]).reshape(-1, 3)
+        self.positions_m = self.positions_at(0.0)
         self.axes = np.array([source.axis for source in sources]).reshape(-1, 3)
         self.burst_s = np.array([source.burst_s for source in sources])
         self.has_movers = any(source.moves_to_m is not None for source in sources)
         self._amplitude_v = np.array([source.amplitude_v for source in sources])
         self._active_s = np.array([source.active_s for source in sources]).reshape(-1, 2)
         self._drift_db_per_s = np.array([source.drift_db_per_min for source in sources]) / 60.0
-        tables = [(k, source.clusters) for k, source in enumerate(sources)]
-        self._guns = [k for k, table in tables if table is None]
-        random = [(k, table) for k, table in tables if table is not None]
-        self._source_of_cluster = np.repeat([k for k, _ in random], [t.rate_hz.size for _, t in random]).astype(np.intp)
-        columns = zip(*(table for _, table in random), strict=True)
-        self._clusters = PulseTrain(*(np.concatenate(column) for column in columns)) if random else None
+        none = PulseTrain.at_any_phase().times(0.0)  # so that there is a cluster even without sources
+        trains = [*(source.clusters for source in sources), none]
+        self._source_of_cluster = np.repeat(np.arange(len(trains)), [train.rate_hz.size for train in trains])
+        self._clusters = PulseTrain(*map(np.concatenate, zip(*trains, strict=True)))
 
     def positions_at(self, time_s: float) -> FloatArray:
         """Return the positions of the sources at a time, shape (n_sources, 3), world frame."""
         return np.array([source.position_at(time_s) for source in self.sources]).reshape(-1, 3)
 
     def draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
-        """Draw all emissions in [start_s, start_s + duration_s); adjacent intervals neither share nor miss any."""
-        source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)
-        if self._clusters is not None:
-            cluster, time_s, relative = self._clusters.draw(start_s, duration_s, rng)
-            source = self._source_of_cluster[cluster]
-        for k in self._guns:
-            shot_s = self.sources[k].shots_s(start_s, duration_s)
-            source = np.concatenate([source, np.full(shot_s.size, k)])
-            time_s, relative = np.concatenate([time_s, shot_s]), np.concatenate([relative, np.ones(shot_s.size)])
+        """Draw all emissions in [start_s, start_s + duration_s), in any order.
+
+        Adjacent intervals neither share nor miss any.
+        """
+        cluster, random_s, relative = self._clusters.draw(start_s, duration_s, rng)
+        shots_s = [source.shots_s(start_s, duration_s) for source in self.sources]
+        time_s = np.concatenate([random_s, *shots_s])
+        source = np.concatenate(
+            [self._source_of_cluster[cluster], *(np.full(s.size, k) for k, s in enumerate(shots_s))]
+        )
+        relative = np.pad(relative, (0, time_s.size - random_s.size), constant_values=1.0)
         gain = 10 ** (self._drift_db_per_s[source] * time_s / 20)
         is_active = (time_s >= self._active_s[source, 0]) & (time_s < self._active_s[source, 1])
-        drawn = Emissions(source, time_s, self._amplitude_v[source] * relative * gain)
-        return Emissions.join([drawn.take(is_active)])
+        return Emissions(source, time_s, self._amplitude_v[source] * relative * gain).take(is_active)

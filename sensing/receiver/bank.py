@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import Held
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.helical_array import HelicalArray
-from pdpatrol.sensing.nature.sources import Emissions, Scene, round_to_nanoseconds
+from pdpatrol.sensing.nature.sources import Emissions, Scene
 from pdpatrol.sensing.radio.arrivals import Propagation
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import FALSE_ALARM, DetectedPulses, ReceiverState, detect
@@ -26,38 +27,32 @@ AHEAD_S = 10.0
 LEAST_ROBOTS = 4
 """Minimum number of robots per thread; with fewer, the overhead of a thread is not worth it."""
 
+NO_EMISSIONS = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
 
+
+@dataclass(kw_only=True)
 class Listener:
     """One robot of a bank, with emissions and false alarms that are drawn in advance.
-
-    Intervals normally follow one another; after a gap or a step back in time, new emissions are drawn.
-
-    Args:
-        array: Array as built.
-        scene: Sources and surroundings.
-        nature_rng: Generator of the emissions.
-        receiver_rng: Generator of noise and triggers.
 
     Attributes:
         array: Array as built.
         scene: Sources and surroundings.
+        nature_rng: Generator of the emissions.
         receiver_rng: Generator of noise and triggers.
-        emissions: Emissions and false alarms that have been drawn, in order of time.
     """
 
-    def __init__(
-        self, *, array: HelicalArray, scene: Scene, nature_rng: np.random.Generator, receiver_rng: np.random.Generator
-    ) -> None:
-        self.array, self.scene, self.receiver_rng, self._nature_rng = array, scene, receiver_rng, nature_rng
-        self._first_s = self._last_s = 0.0
-        self.emissions = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
+    array: HelicalArray
+    scene: Scene
+    nature_rng: np.random.Generator
+    receiver_rng: np.random.Generator
+    _drawn: Emissions = field(default=NO_EMISSIONS, init=False)
+    _first_s: float = field(default=0.0, init=False)
+    _last_s: float = field(default=0.0, init=False)
 
-    def covers(self, start_s: float, end_s: float) -> bool:
-        """Return whether emissions have been drawn for the whole of an interval."""
-        return self._first_s <= start_s and end_s <= self._last_s
+    def emissions(self, start_s: float, end_s: float, false_alarm_rate_hz: float) -> Emissions:
+        """Return the emissions and false alarms of an interval, in order of time.
 
-    def draw(self, start_s: float, end_s: float, false_alarm_rate_hz: float) -> None:
-        """Draw more emissions, so that an interval is covered; at least `AHEAD_S` is drawn at a time.
+        Intervals normally follow one another; after a gap or a step back in time, new emissions are drawn.
 
         Args:
             start_s: Start of the interval.
@@ -65,19 +60,19 @@ class Listener:
             false_alarm_rate_hz: Mean rate of the Poisson process of triggers by noise alone.
         """
         if not self._first_s <= start_s <= self._last_s:
-            self.emissions, self._last_s = self.emissions.take(slice(0)), start_s
-        rng, duration_s = self.receiver_rng, max(AHEAD_S, end_s - self._last_s)
-        false_s = self._last_s + duration_s * rng.random(rng.poisson(false_alarm_rate_hz * duration_s))
-        drawn = self.scene.draw(self._last_s, duration_s, self._nature_rng)
-        false = Emissions(np.full(false_s.size, FALSE_ALARM), false_s, np.zeros(false_s.size))
-        kept = self.emissions.take(self.emissions.time_s >= start_s)
-        self._first_s, self._last_s = start_s, round_to_nanoseconds(self._last_s + duration_s)
-        self.emissions = Emissions.join([kept, drawn, false])
-
-    def between(self, start_s: float, end_s: float) -> tuple[int, int]:
-        """Return the index of the first drawn emission in an interval, and the index after the last one."""
-        time_s = self.emissions.time_s
-        return bisect_left(time_s, start_s), bisect_left(time_s, end_s)
+            self._drawn, self._first_s, self._last_s = NO_EMISSIONS, start_s, start_s
+        if end_s > self._last_s:
+            rng, duration_s = self.receiver_rng, max(AHEAD_S, end_s - self._last_s)
+            false_s = self._last_s + duration_s * rng.random(rng.poisson(false_alarm_rate_hz * duration_s))
+            drawn = self.scene.draw(self._last_s, duration_s, self.nature_rng)
+            false = Emissions(np.full(false_s.size, FALSE_ALARM), false_s, np.zeros(false_s.size))
+            kept = self._drawn.take(self._drawn.time_s >= start_s)
+            columns: list[Any] = [np.concatenate(column) for column in zip(kept, drawn, false, strict=True)]
+            joined = Emissions(*columns)
+            self._drawn = joined.take(joined.time_s.argsort(kind="stable"))
+            self._first_s, self._last_s = start_s, round(self._last_s + duration_s, 9)
+        time_s = self._drawn.time_s
+        return self._drawn.take(slice(bisect_left(time_s, start_s), bisect_left(time_s, end_s)))
 
 
 class ReceiverBank:
@@ -92,8 +87,8 @@ class ReceiverBank:
     """
 
     def __init__(self, config: ReceiverConfig, listeners: Sequence[Listener], n_threads: int = 1) -> None:
-        self.config, self._n_threads, array = config, n_threads, listeners[0].array
-        self._receiver = Receiver(config, array.n_elements)
+        array = listeners[0].array
+        self._receiver, self._n_threads = Receiver(config, array.n_elements), n_threads
         self._reading, self._grid = self._receiver.reading(), self._receiver.grid(array)
         self._pattern = tabulate(array.cut)
         self._listeners, self._states = list(listeners), [self._state(listener) for listener in listeners]
@@ -122,12 +117,13 @@ class ReceiverBank:
         n_jobs = min(self._n_threads, robots.size // LEAST_ROBOTS)
         if n_jobs < 2:
             return self._listen(0, robots, world_from_array, start_s, duration_s)
-        shares = np.array_split(robots, n_jobs)
-        jobs = [(k, share, world_from_array, start_s, duration_s) for k, share in enumerate(shares)]
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self._n_threads - 1)
-        waiting = [self._pool.submit(self._listen, *job) for job in jobs[1:]]
-        return DetectedPulses.join([self._listen(*jobs[0]), *(each.result() for each in waiting)])
+            self._pool = ThreadPoolExecutor(self._n_threads)
+        shares = np.array_split(robots, n_jobs)
+        parts = self._pool.map(
+            lambda k, share: self._listen(k, share, world_from_array, start_s, duration_s), range(n_jobs), shares
+        )
+        return DetectedPulses.join(list(parts))
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without the threads; a copy starts its own."""
@@ -137,30 +133,29 @@ class ReceiverBank:
         self, thread: int, robots: IntArray, world_from_array: FloatArray, start_s: FloatArray, duration_s: float
     ) -> DetectedPulses:
         """Return the pulses that some robots detect, computed on one thread."""
-        due: list[tuple[int, int, int]] = []
-        n_emissions = 0
-        for robot in robots.tolist():
-            first, end = self._update(robot, world_from_array[robot], float(start_s[robot]), duration_s)
-            if end > first:
-                due.append((robot, first, end))
-                n_emissions += end - first
+        updated = [
+            (robot, self._update(robot, world_from_array[robot], float(start_s[robot]), duration_s))
+            for robot in robots.tolist()
+        ]
+        n_emissions = sum(due.time_s.size for _, due in updated)
         if n_emissions > self._found[thread].value.robot.size:
             self._found[thread] = self._room(2 * n_emissions)
         held, row, n_rejected = self._found[thread], 0, 0
-        for robot, first, end in due:
-            row, n = detect(self._states[robot], first, end, world_from_array[robot], held, row, robot)
-            n_rejected += n
+        for robot, due in updated:
+            if due.time_s.size:
+                row, n = detect(self._states[robot], due, world_from_array[robot], held, row, robot)
+                n_rejected += n
         found = held.value
         return DetectedPulses(
             found.robot[:row].copy(), found.pulses.first(row), found.waveforms_v[:row].copy(), n_rejected
         )
 
     def _room(self, n_pulses: int) -> Held[DetectedPulses]:
-        config = self.config
+        config = self._receiver.config
         return Held(DetectedPulses.room(n_pulses, self._receiver.n_elements, config.gate_samples, config.n_bands))
 
     def _state(self, listener: Listener) -> Held[ReceiverState]:
-        """Return the state of a robot's receiver at time 0, without emissions or carriers."""
+        """Return the state of a robot's receiver at time 0, without carriers."""
         receiver, scene, array = self._receiver, listener.scene, listener.array
         table, positions_m = ArrayTable.of(array, self._pattern, self._grid), scene.positions_m.copy()
         return Held(
@@ -169,40 +164,28 @@ class ReceiverBank:
                 reading=self._reading,
                 channels=receiver.channels(0.0, (), array, np.eye(4)),
                 propagation=Propagation(positions_m, scene.axes, scene.burst_s, table, scene.surroundings),
-                emissions=listener.emissions,
                 rng=listener.receiver_rng,
             )
         )
 
-    def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> tuple[int, int]:
-        """Update a robot for an interval: draw its emissions if needed, and update what depends on time and pose.
-
-        Returns:
-            Index of the first emission of the interval, and the index after the last one.
-        """
+    def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> Emissions:
+        """Update what depends on the time and pose of a robot, and return its emissions in an interval."""
         receiver, listener, state = self._receiver, self._listeners[robot], self._states[robot].value
-        scene, array = listener.scene, listener.array
-        changes: dict[str, Any] = {}
-        begin_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
-        if not listener.covers(begin_s, end_s):
-            listener.draw(begin_s, end_s, self.config.false_alarm_rate_hz)
-            changes["emissions"] = listener.emissions
+        scene, array, config = listener.scene, listener.array, receiver.config
+        start_s, end_s = round(start_s, 9), round(start_s + duration_s, 9)
         if scene.has_movers:
-            state.propagation.positions_m[:] = scene.positions_at(begin_s)
-        if self.config.faults:
+            state.propagation.positions_m[:] = scene.positions_at(start_s)
+        if config.faults:
             factors, table = receiver.signal_factors(start_s), state.propagation.array
             table.gain_factors[:] = array.gain_factors * factors
             table.gain_offsets[:] = array.gain_offsets * factors
-        if scene.carriers or self.config.faults:
-            channels = receiver.channels(begin_s, scene.carriers, array, world_from_array)
-            changes["channels"] = channels
+        if scene.carriers or config.faults:
+            channels, sampler = receiver.channels(start_s, scene.carriers, array, world_from_array), state.sampler
             if scene.carriers:  # the trigger level must be above them
                 level_v = receiver.threshold_v + float(channels.tone_v.sum(axis=0).max())
-                trigger = receiver.front_end.trigger(self.config.noise_v, level_v)
-                changes["sampler"] = state.sampler._replace(trigger=trigger)
-        if changes:
-            self._states[robot] = Held(state._replace(**changes))
-        return listener.between(begin_s, end_s)
+                sampler = sampler._replace(trigger=receiver.front_end.trigger(config.noise_v, level_v))
+            self._states[robot] = Held(state._replace(channels=channels, sampler=sampler))
+        return listener.emissions(start_s, end_s, config.false_alarm_rate_hz)
 
 
 def listen_once(

@@ -12,13 +12,14 @@ from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
 from dirmusic.pulses.strengths import dot, strength_of, variance_of_strength
 from pdpatrol.sensing.nature.sources import Emissions
-from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
+from pdpatrol.sensing.radio.arrivals import Propagation, propagate
 from pdpatrol.sensing.radio.ray_paths import WEAKEST
 from pdpatrol.sensing.receiver.sampling import (
     IS_BURST,
     IS_PULSE,
     Channels,
     Sampler,
+    Signal,
     sample_emission,
     sample_false_alarm,
 )
@@ -62,7 +63,6 @@ class ReceiverState(NamedTuple):
         reading: Parameters of the ADC and of the evaluation of gates.
         channels: State of the channels, and carriers.
         propagation: Sources, array and surroundings.
-        emissions: Emissions and false alarms by time; the source of a false alarm is `FALSE_ALARM`.
         rng: Random generator of noise and triggers.
     """
 
@@ -70,7 +70,6 @@ class ReceiverState(NamedTuple):
     reading: GateReading
     channels: Channels
     propagation: Propagation
-    emissions: Emissions
     rng: np.random.Generator
 
 
@@ -153,19 +152,17 @@ def read_gate(
 @compiled
 def detect(
     held_state: Held[ReceiverState],
-    first: int,
-    end: int,
+    emissions: Emissions,
     world_from_array: FloatArray,
     held_detected: Held[DetectedPulses],
     row: int,
     robot: int,
 ) -> tuple[int, int]:
-    """Evaluate the gates of those emissions from `first` up to `end` that cause a trigger.
+    """Evaluate the gates of those emissions that cause a trigger.
 
     Args:
         held_state: State of the receiver.
-        first: Index of the first emission.
-        end: Index after the last emission.
+        emissions: Emissions and false alarms in order of time; the source of a false alarm is `FALSE_ALARM`.
         world_from_array: Pose of the array, shape (4, 4).
         held_detected: Filled in; must have a free row for each emission.
         row: First free row.
@@ -174,25 +171,23 @@ def detect(
     Returns:
         The next free row, and the number of emissions rejected as bursts.
     """
-    sampler, reading, channels, propagation, emissions, rng = held_state.value
-    detected, n_rejected = held_detected.value, 0
-    source, time_s, peak_v = emissions
-    burst_s, least = propagation.burst_s, np.full(propagation.burst_s.size, np.inf)
+    sampler, reading, channels, propagation, rng = held_state.value
+    detected, (source, time_s, peak_v) = held_detected.value, emissions
+    burst_s, least, n_rejected = propagation.burst_s, np.full(propagation.burst_s.size, np.inf), 0
     gate_v = np.empty(detected.waveforms_v.shape[1:])
-    for k in range(first, end):
+    for k in range(source.size):
         s = source[k]
         if s != FALSE_ALARM:
             least[s] = min(least[s], WEAKEST * sampler.trigger.level_v / abs(peak_v[k]))
-    ray_paths, arrivals = propagate(least, world_from_array, propagation)
-    for k in range(first, end):
+    ray_paths, (delay_s, amplitude, peak, peak_s) = propagate(least, world_from_array, propagation)
+    for k in range(source.size):
         s = source[k]
         if s == FALSE_ALARM:
             sample_false_alarm(sampler, channels, rng, gate_v)
         else:
             of_source = slice(ray_paths.first[s], ray_paths.first[s] + ray_paths.n_paths[s])
-            delay_s, amplitude, peak, peak_s = arrivals
-            own = Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source])
-            outcome = sample_emission(peak_v[k], float(burst_s[s]), own, sampler, channels, rng, gate_v)
+            signal = Signal(peak_v[k], float(burst_s[s]), delay_s[of_source], amplitude[of_source])
+            outcome = sample_emission(signal, peak[of_source], peak_s[of_source], sampler, channels, rng, gate_v)
             n_rejected += outcome == IS_BURST
             if outcome != IS_PULSE:
                 continue

@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
-from pdpatrol.sensing.radio.arrivals import Arrivals
 
 LIKELY = 0.3
 """Expected number of samples beyond the trigger level above which a window is sampled directly. It affects speed, not
@@ -183,7 +182,7 @@ class Window(NamedTuple):
         volts: Samples, shape (n_elements, n_samples). Samples not computed yet hold 0, or the shift of the noise that a
             pinned sample causes.
         filled: Number of samples with signal, and number of samples with signal and noise, shape (2,).
-        state: State of the noise filter after the last sample with noise, shape (n_sections, 2, n_elements).
+        state: State of the noise filter after the last sample with noise, shape (2 n_sections, n_elements).
     """
 
     start_s: float
@@ -244,17 +243,16 @@ def add_tones(channel_v: FloatArray, e: int, offset: int, channels: Channels, st
 
 
 @compiled
-def settle(noise: NoiseFilter, rng: np.random.Generator, state: FloatArray) -> None:
-    """Draw a stationary state of the filter in white noise into `state`, shape (n_sections, 2, n_elements)."""
-    n_states, n_elements = noise.settled.shape[0], state.shape[2]
-    drawn = np.empty(n_elements)
-    state[:] = 0.0
-    for j in range(n_states):
+def settle(noise: NoiseFilter, n_elements: int, rng: np.random.Generator) -> FloatArray:
+    """Draw a stationary state of the filter in white noise, shape (2 n_sections, n_elements)."""
+    settled = noise.settled
+    state = np.zeros((len(settled), n_elements))
+    for j in range(len(settled)):
         for e in range(n_elements):
-            drawn[e] = rng.standard_normal()
-        for i in range(n_states):
-            for e in range(n_elements):
-                state[i // 2, i % 2, e] += noise.settled[i, j] * drawn[e]
+            drawn = rng.standard_normal()
+            for i in range(len(settled)):
+                state[i, e] += settled[i, j] * drawn
+    return state
 
 
 @compiled
@@ -262,21 +260,20 @@ def add_noise(
     noise: NoiseFilter, rng: np.random.Generator, state: FloatArray, volts: FloatArray, first: int, end: int
 ) -> None:
     """Add filtered noise to the samples from `first` up to `end` of all channels, and advance the filter state."""
-    n_elements, sections = volts.shape[0], noise.sections
+    n_elements, sections, std_v = volts.shape[0], noise.sections, noise.std_v
     row = np.empty(n_elements)
     for t in range(first, end):
         for e in range(n_elements):
             row[e] = rng.standard_normal()
         for s in range(sections.shape[0]):
             b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
-            z1, z2 = state[s, 0], state[s, 1]
-            for e in range(n_elements):
-                sample = row[e]
-                row[e] = b0 * sample + z1[e]
-                z1[e] = b1 * sample - a1 * row[e] + z2[e]
-                z2[e] = b2 * sample - a2 * row[e]
+            for e in range(n_elements):  # all values are read before any is written, which is faster
+                sample, z1, z2 = row[e], state[2 * s, e], state[2 * s + 1, e]
+                filtered = b0 * sample + z1
+                row[e], state[2 * s, e] = filtered, b1 * sample - a1 * filtered + z2
+                state[2 * s + 1, e] = b2 * sample - a2 * filtered
         for e in range(n_elements):
-            volts[e, t] += noise.std_v * row[e]
+            volts[e, t] += std_v * row[e]
 
 
 @compiled_inner
@@ -333,7 +330,7 @@ def fill(
     if end > first:
         fill_signal(window, end, signal, sampler.pulse, channels)
         if first == 0:
-            settle(sampler.noise, rng, window.state)
+            window.state[:] = settle(sampler.noise, len(window.volts), rng)
         add_noise(sampler.noise, rng, window.state, window.volts, first, end)
         window.filled[1] = end
 
@@ -365,10 +362,10 @@ def count_crossings(volts: FloatArray, first: int, end: int, limit_v: FloatArray
 
 
 @compiled_inner
-def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channels: Channels, trigger: Trigger) -> float:
+def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channels: Channels) -> float:
     """Return S, the expected number of samples beyond the level; the summation stops when it exceeds `LIKELY`."""
-    expected, first, limit_v, volts = 0.0, sampler.before, channels.limit_v, window.volts
-    while first < window.search_end and expected <= LIKELY:
+    expected, trigger, limit_v, volts = 0.0, sampler.trigger, channels.limit_v, window.volts
+    for first in range(sampler.before, window.search_end, PIECE):
         end = min(first + PIECE, window.search_end)
         fill_signal(window, end, signal, sampler.pulse, channels)
         for e in range(limit_v.size):
@@ -376,7 +373,8 @@ def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channel
                 channel_v = volts[e, first:end]
                 for t in range(channel_v.size):
                     expected += trigger_probability(trigger, channel_v[t])
-        first = end
+        if expected > LIKELY:
+            break
     return expected
 
 
@@ -434,7 +432,7 @@ def find_trigger(
         Index of the sample, or -1.
     """
     trigger, before, end, limit_v = sampler.trigger, sampler.before, window.search_end, channels.limit_v
-    expected = expected_crossings(window, signal, sampler, channels, trigger)
+    expected = expected_crossings(window, signal, sampler, channels)
     if expected > LIKELY:
         for first in range(before, end, PIECE):
             piece_end = min(first + PIECE, end)
@@ -486,14 +484,12 @@ def read_out(
     for t in range(n_gate):
         gate_v2 += gate_v[strongest, t] ** 2
     least_v2 = BURST_SHARE * (gate_v2 / n_gate - background_v2) + background_v2
-    test_v, state = np.empty((1, n_window)), np.empty((len(noise.sections), 2, 1))
     for w in range(BURST_WINDOWS):
         at, power_v2 = start + sampler.burst_first + w * sampler.burst_step, 0.0
-        test_v[:] = 0.0
+        test_v = np.zeros((1, n_window))
         add_emission(test_v[0], strongest, window.start_s + at / sampler.pulse.rate_hz, signal, sampler.pulse)
         add_tones(test_v[0], strongest, at, channels, window.start_rad)
-        settle(noise, rng, state)
-        add_noise(noise, rng, state, test_v, 0, n_window)
+        add_noise(noise, rng, settle(noise, 1, rng), test_v, 0, n_window)
         for t in range(n_window):
             power_v2 += min(abs(test_v[0, t]), limit) ** 2
         if power_v2 <= least_v2 * n_window:
@@ -502,19 +498,10 @@ def read_out(
 
 
 @compiled_inner
-def draw_phases(n: int, rng: np.random.Generator) -> FloatArray:
-    """Draw the phases of n carriers, shape (n,)."""
-    start_rad = np.empty(n)
-    for c in range(n):
-        start_rad[c] = 2.0 * np.pi * rng.random()
-    return start_rad
-
-
-@compiled_inner
 def sample_emission(
-    peak_v: float,
-    burst_s: float,
-    arrivals: Arrivals,
+    signal: Signal,
+    peak: FloatArray,
+    peak_s: FloatArray,
     sampler: Sampler,
     channels: Channels,
     rng: np.random.Generator,
@@ -525,9 +512,9 @@ def sample_emission(
     Each arrival has a window; windows whose gates or noise would overlap are merged.
 
     Args:
-        peak_v: Peak of the emission, as in `Signal`.
-        burst_s: Duration of a burst, 0 for a pulse.
-        arrivals: Arrivals of the emission.
+        signal: Arrivals of the emission.
+        peak: Upper bound of each arrival, as in `Arrivals`.
+        peak_s: Travel times to the elements with these bounds.
         sampler: Receiver up to the gate.
         channels: State of the channels, and carriers.
         rng: Generator.
@@ -538,13 +525,12 @@ def sample_emission(
     """
     trigger, rate_hz, n_elements, n_tones = sampler.trigger, sampler.pulse.rate_hz, len(gate_v), channels.turn_rad.size
     before, aperture = sampler.before, sampler.aperture
-    signal = Signal(peak_v, burst_s, arrivals.delay_s, arrivals.amplitude)
-    first_rad = draw_phases(n_tones, rng)
+    first_rad = 2.0 * np.pi * rng.random(n_tones)
     clock = rng.random()  # delay of the sampling clock, in samples
     is_new, begin, first_begin, bound_v, tones_v = True, 0, 0, 0.0, 0.0
     for c in range(n_tones):
         tones_v += channels.tone_v[c].max()
-    peak_s = arrivals.peak_s.copy()
+    peak_s = peak_s.copy()
     for k in range(peak_s.size):  # in order of time
         p = peak_s.argmin()
         at = math.floor(peak_s[p] * rate_hz - clock)
@@ -554,7 +540,7 @@ def sample_emission(
             first_begin = start
         if is_new:
             begin, bound_v, is_new = start, 0.0, False
-        bound_v += abs(peak_v) * float(arrivals.peak[p])
+        bound_v += abs(signal.peak_v) * peak[p]
         search_end = at - begin + aperture + sampler.rise
         end = search_end + sampler.peak + sampler.gate
         next_start = peak_s.min() * rate_hz - clock - aperture - before
@@ -563,8 +549,8 @@ def sample_emission(
         is_new, chance, n_searched = True, rng.random(), (search_end - before) * n_elements
         if chance < n_searched * trigger_probability(trigger, bound_v + tones_v):  # an upper bound of S
             start_rad = first_rad + (begin - first_begin) * channels.turn_rad
-            state = np.empty((len(sampler.noise.sections), 2, n_elements))
             volts, filled = np.zeros((n_elements, end)), np.zeros(2, np.intp)
+            state = np.empty((len(sampler.noise.settled), n_elements))
             window = Window((begin + clock) / rate_hz, start_rad, search_end, volts, filled, state)
             crossing = find_trigger(window, chance, signal, sampler, channels, rng)
             if crossing >= 0:
@@ -577,14 +563,12 @@ def sample_false_alarm(sampler: Sampler, channels: Channels, rng: np.random.Gene
     """Fill a gate, shape (n_elements, n_gate), that noise alone has triggered, by pinning one noise sample."""
     trigger, noise = sampler.trigger, sampler.noise
     n_elements, n_gate = gate_v.shape
-    state = np.empty((len(noise.sections), 2, n_elements))
     gate_v[:] = 0.0
-    settle(noise, rng, state)
-    add_noise(noise, rng, state, gate_v, 0, n_gate)
+    add_noise(noise, rng, settle(noise, n_elements, rng), gate_v, 0, n_gate)
     channel = int(rng.random() * n_elements)
     side = 1.0 if rng.random() < 0.5 else -1.0
     crossing_v = side * trigger.noise_v * draw_tail(trigger.level_v / trigger.noise_v, rng)
     pin_noise(gate_v[channel], sampler.before, crossing_v, trigger.correlation)
-    start_rad = draw_phases(channels.turn_rad.size, rng)
+    start_rad = 2.0 * np.pi * rng.random(channels.turn_rad.size)
     for e in range(n_elements):
         add_tones(gate_v[e], e, 0, channels, start_rad)

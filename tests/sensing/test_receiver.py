@@ -15,7 +15,7 @@ from pdpatrol.sensing import (
     ReceiverConfig,
 )
 from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
-from pdpatrol.sensing.nature.sources import Emissions, round_to_nanoseconds
+from pdpatrol.sensing.nature.sources import Emissions
 from pdpatrol.sensing.receiver.bank import Listener
 from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
@@ -111,10 +111,7 @@ def test_drawn_arrays_have_configured_errors() -> None:
 
 
 def drawn_between(ahead: Listener, start_s: float, duration_s: float) -> Emissions:
-    start_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
-    if not ahead.covers(start_s, end_s):
-        ahead.draw(start_s, end_s, 1e-9)
-    return ahead.emissions.take(slice(*ahead.between(start_s, end_s)))
+    return ahead.emissions(round(start_s, 9), round(start_s + duration_s, 9), 1e-9)
 
 
 def test_shot_at_interval_border_is_fired_once() -> None:
