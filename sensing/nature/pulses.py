@@ -100,7 +100,9 @@ class PulseTrain(NamedTuple):
             conductor_rad: Lag of the conductor's voltage behind the mains phase of the receiver.
             rng: Generator of these differences; None for a typical defect.
         """
-        share, centre_deg, width_deg, level_db, spread_db, polarity = np.array([astuple(c) for c in KINDS[kind]]).T
+        share, centre_deg, width_deg, level_db, spread_db, polarity = np.array(
+            [(*astuple(c), c.polarity) for c in KINDS[kind]]
+        ).T
         if rng is not None:
             common_deg = rng.normal(0.0, 5.0)
             off_share, off_deg, off_width, off_db = rng.normal(0.0, (0.2, 3.0, 0.15, 1.0), (share.size, 4)).T
