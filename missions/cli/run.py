@@ -64,7 +64,6 @@ def run(
         json_output: Print the report as JSON instead of a table.
         timing: Print how long each part took.
     """
-    stopwatch = Stopwatch()
     settings: dict[str, Any] = {
         "array.serial_number": serial_number,
         "campaign.date": date,
@@ -73,8 +72,8 @@ def run(
     loaded = load_scenario(scenario, {key: value for key, value in settings.items() if value is not None})
     load_maker(policy)
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
-        with stopwatch.on("compiling"):
-            compile_at_first_run(err)
+        compile_at_first_run(err)
+        stopwatch = Stopwatch()
         viewer = None
         if live:
             os.environ.setdefault("RUST_LOG", "off")  # otherwise Rerun complains when the user closes the viewer
@@ -104,7 +103,7 @@ def run(
 
             log = mission.run(after_step)
             with stopwatch.on("log, report and recording"):
-                report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
+                report = write_mission(log, stopwatch.total_s, folder)
     print_outcome(report, folder, _summary(report), json_output)
     if timing:
         print_times(stopwatch)

@@ -1,7 +1,4 @@
-"""Fixture that calls verbs of the command line, which must refuse their arguments, in the process of the test.
-
-A command that starts as a process takes two seconds longer.
-"""
+"""Verbs of the command line, called in the process of the test: starting a command takes two seconds longer."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -14,6 +11,11 @@ from pdpatrol.missions.cli.arguments import call_verb
 Refused = Callable[..., list[str]]
 
 
+def call(verb: str, *arguments: object) -> None:
+    """Call a verb with its arguments as on the command line, in the current folder."""
+    call_verb(getattr(import_module(f"pdpatrol.missions.cli.{verb}"), verb), [str(each) for each in arguments])
+
+
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Refused:
     """Return a function that calls a verb, checks its exit status, and returns its error lines."""
@@ -21,7 +23,7 @@ def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     def refused(verb: str, *arguments: object, cwd: Path) -> list[str]:
         monkeypatch.chdir(cwd)
         with pytest.raises(SystemExit) as ended:
-            call_verb(getattr(import_module(f"pdpatrol.missions.cli.{verb}"), verb), [str(each) for each in arguments])
+            call(verb, *arguments)
         printed = capsys.readouterr()
         assert (ended.value.code, printed.out) == (2, "")
         return printed.err.strip().splitlines()

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
@@ -13,10 +12,9 @@ import pytest
 
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.missions.cli import VERBS
-from pdpatrol.missions.cli.arguments import call_verb
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import read_report
-from tests.missions.conftest import Refused
+from tests.missions.conftest import Refused, call
 from tests.processes import PDPATROL, assert_times_add_up, pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
@@ -43,7 +41,7 @@ def test_help_lists_the_verbs(tmp_path: Path) -> None:
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_of_every_verb_shows_usage(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        call_verb(getattr(import_module(f"pdpatrol.missions.cli.{verb}"), verb), ["--help"])
+        call(verb, "--help")
     assert ended.value.code == 0
     assert f"usage: pdpatrol {verb} " in capsys.readouterr().out
 
@@ -101,11 +99,12 @@ def test_run_writes_all_files_and_prints_the_outcome(short: Path, tmp_path: Path
     assert "time limit after 4 s" in done.stdout
 
 
-def test_json_is_the_report_and_nothing_else(short: Path, tmp_path: Path) -> None:
-    done = pdpatrol("run", short, "--json", "--timing", "--out", "here", cwd=tmp_path)
+def test_json_is_the_report_and_nothing_else(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call("run", short, "--json", "--timing", "--out", tmp_path / "here")
     written = json.loads((tmp_path / "here" / "report.json").read_text(encoding="utf-8"))
-    assert json.loads(done.stdout) == written
-    assert_times_add_up(done.stderr, "policy", "environment", "locating", "log, report and recording")
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == written
+    assert_times_add_up(printed.err, "policy", "environment", "locating", "log, report and recording")
 
 
 @pytest.mark.parametrize("verb", ["run", "scenarios"])
@@ -118,14 +117,17 @@ def test_errors_of_a_scenario_are_one_line_each(verb: str, short: Path, tmp_path
     assert [path.name for path in tmp_path.iterdir()] == ["short.toml"]
 
 
-def test_implausible_scenario_is_noted_and_used(short: Path, tmp_path: Path) -> None:
-    assert "no errors" in pdpatrol("scenarios", "short.toml", cwd=tmp_path).stdout
+def test_implausible_scenario_is_noted_and_used(
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    call("scenarios", "short.toml")
+    assert "no errors" in capsys.readouterr().out
     text = short.read_text(encoding="utf-8").replace("[[sources]]", "[[sources]]\nactive_s = [100.0, 200.0]")
     short.write_text(text, encoding="utf-8")
     for verb in ("run", "scenarios"):
-        done = pdpatrol(verb, "short.toml", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        (note,) = [line for line in done.stderr.splitlines() if line.startswith("note: ")]
+        call(verb, "short.toml")
+        (note,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
         assert note.endswith("does not discharge within the mission")
 
 

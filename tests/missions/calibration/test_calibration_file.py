@@ -15,8 +15,7 @@ from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.missions.cli.mission_files import CALIBRATION_HEADER
-from tests.missions.conftest import Refused
-from tests.processes import pdpatrol
+from tests.missions.conftest import Refused, call
 
 ROOT = Path(__file__).parents[3]
 NUMBER = {"array.serial_number": 7}
@@ -137,14 +136,16 @@ def test_run_with_damaged_calibration_writes_nothing(file: Path, tmp_path: Path,
 
 
 @pytest.mark.whole
-def test_field_data_write_and_use_calibrations(tmp_path: Path, refused: Refused) -> None:
+def test_field_data_write_and_use_calibrations(
+    tmp_path: Path, refused: Refused, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     shutil.copy(ROOT / "examples" / "locate" / "strengths.csv", tmp_path / "strengths.csv")
-    first = pdpatrol("locate", "strengths.csv", "--out", "first", cwd=tmp_path)
-    assert first.returncode == 0, first.stderr
-    assert "calibration.toml" in first.stdout
+    monkeypatch.chdir(tmp_path)
+    call("locate", "strengths.csv", "--out", "first")
+    assert "calibration.toml" in capsys.readouterr().out
     learned = ["--calibration", "first/calibration.toml"]
-    second = pdpatrol("locate", "strengths.csv", *learned, "--out", "second", cwd=tmp_path)
-    assert second.returncode == 0, second.stderr
+    call("locate", "strengths.csv", *learned, "--out", "second")
+    capsys.readouterr()
     calibrations = [read_calibration(tmp_path / name / "calibration.toml") for name in ("first", "second")]
     assert [calibration.n_missions for calibration in calibrations] == [1, 2]
     (line,) = refused("locate", "strengths.csv", *learned, "--gain-error", "0.1", "--out", "third", cwd=tmp_path)

@@ -9,8 +9,8 @@ from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.report.records import report_text
 from tests.missions.campaign.surveys import DAYS, growing
 from tests.missions.conftest import Refused
-from tests.missions.field.surveys import EXAMPLE
-from tests.processes import pdpatrol, refusal
+from tests.missions.field.surveys import EXAMPLE, log_of_table
+from tests.processes import pdpatrol
 
 pytestmark = pytest.mark.whole
 
@@ -24,7 +24,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return folders
 
 
-def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_path: Path) -> None:
+def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_path: Path, refused: Refused) -> None:
     done = pdpatrol("trend", *runs, "--out", "out", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert "grown" in done.stdout
@@ -36,7 +36,7 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     assert report_text(written) == text
     assert written.dates == DAYS[:4]
     assert written.discharges[0].verdict == "grown"
-    (line,) = refusal(pdpatrol("trend", *runs, "--out", "out", cwd=tmp_path))
+    (line,) = refused("trend", *runs, "--out", "out", cwd=tmp_path)
     assert "must be a new or empty folder" in line
 
 
@@ -57,8 +57,8 @@ def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Pa
 
 def test_field_data_of_two_dates_are_a_trend(tmp_path: Path) -> None:
     for day in DAYS[:2]:
-        located = pdpatrol("locate", EXAMPLE, "--date", day, "--out", day, cwd=tmp_path)
-        assert located.returncode == 0, located.stderr
+        (tmp_path / day).mkdir()
+        log_of_table(EXAMPLE, date=day).save(tmp_path / day)
     done = pdpatrol("trend", *DAYS[:2], "--json", "--out", "trend", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (discharge,) = json.loads(done.stdout)["discharges"]

@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from pdpatrol.envs.scenario import SHIPPED, load_scenario
 from pdpatrol.missions.planning.output import as_json
-from tests.missions.conftest import Refused
+from tests.missions.conftest import Refused, call
 from tests.missions.planning.one_plan import plan_of
 from tests.processes import pdpatrol
 
@@ -38,11 +38,13 @@ def test_plan_writes_table_picture_json_and_route(tmp_path: Path) -> None:
     assert route.dock_m == plan.scenario.route.dock_m
 
 
-def test_plan_uses_settings_and_amplitude(tmp_path: Path) -> None:
+def test_plan_uses_settings_and_amplitude(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     given = ("--set", "receiver.noise_v=4e-3", "--amplitude-v", "0.06", "--json", "--out", "here")
-    done = pdpatrol("plan", "one_source", *given, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    data = json.loads(done.stdout)
+    call("plan", "one_source", *given)
+    data = json.loads(capsys.readouterr().out)
     assert data == json.loads((tmp_path / "here" / "plan.json").read_text(encoding="utf-8"))
     assert data["amplitude_v"] == 0.06
     levels = [site["detection"]["level_db"] for site in data["sites"] if site["detection"]]
