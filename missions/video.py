@@ -42,10 +42,6 @@ MAX_BEARINGS = 10
 """Largest number of bearings drawn at once."""
 
 
-class FilmError(OSError):
-    """Raised if this machine cannot make a film; the message is the reason."""
-
-
 def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callable[[float], None]) -> None:
     """Write a film of a mission.
 
@@ -57,16 +53,14 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
 
     Raises:
         ValueError: If the log has no step or is not of a simulated mission.
-        FilmError: If imageio, FFmpeg or OpenGL is missing.
-        OSError: If the film cannot be written.
+        ImportError: If imageio is missing.
+        OSError: If FFmpeg or OpenGL is missing, or the film cannot be written.
     """
     time_s = log.column("step", "time_s")
     if "scenario" not in log.meta or time_s.size == 0:
         raise ValueError("the log is not of a simulated mission; only a robot in its yard can be filmed")
-    try:
-        from imageio.v2 import get_writer  # an optional dependency
-    except ImportError:
-        raise FilmError('imageio is missing; install it: pip install "pdpatrol[video]"') from None
+    from imageio.v2 import get_writer  # an optional dependency
+
     kind, rate = path.suffix.lower(), 10
     frame_s = (pace or max(float(time_s[-1]) / CLIP_S, 1.0)) / rate
     steps = np.append(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], frame_s)), time_s.size - 1)
@@ -82,7 +76,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
                         writer.append_data(image)
                     progress(number / steps.size)
         except RuntimeError as error:
-            raise FilmError(str(error)) from None
+            raise OSError(str(error)) from None
         with atomic_file(path) as temporary:
             shutil.copyfile(file, temporary)
 

@@ -19,6 +19,11 @@ SO_FAR = rrb.VisibleTimeRanges(
 )
 """Show all data from the start up to the time cursor."""
 
+WHOLE = rrb.TimeAxis(
+    view_range=rrb.TimeRange(start=rrb.TimeRangeBoundary.absolute(seconds=0.0), end=rrb.TimeRangeBoundary.infinite())
+)
+"""Time axis over the whole mission."""
+
 
 def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool = False) -> rrb.Blueprint:
     """Return the layout: robot, plan and status above; phases of the mission, plots and phase-resolved pattern below.
@@ -28,8 +33,6 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
         is_live: Whether the time cursor follows the mission instead of playing it from the start.
         lists_recordings: Whether the panel that lists all recordings is open.
     """
-    start = rrb.TimeRangeBoundary.absolute(seconds=0.0)
-    whole = rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=rrb.TimeRangeBoundary.infinite()))
     low, high = np.array(meta["bounds_m"])
     centre, above_m = np.array([*(0.5 * (low + high)), 0.0]), 0.88 * float(np.max((high - low) * [1.0, 1.25]))
     behind = rrb.EyeControls3D(
@@ -62,12 +65,12 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
                 status,
                 column_shares=[5, 5, 4],
             ),
-            rrb.StateTimelineView(origin="mission/phase", name="Mission", time_view=whole),
+            rrb.StateTimelineView(origin="mission/phase", name="Mission", time_view=WHOLE),
             rrb.Horizontal(
-                _plot("directions", "Bearings and heading (°)", whole, (-180.0, 180.0)),
+                _plot("directions", "Bearings and heading (°)", (-180.0, 180.0)),
                 rrb.Tabs(
-                    _plot("uncertainty", "95 % ellipses, longer half-axis (m)", whole, (0.0, 3.0)),
-                    _plot("strengths", "Strengths of the elements (dBV)", whole),
+                    _plot("uncertainty", "95 % ellipses, longer half-axis (m)", (0.0, 3.0)),
+                    _plot("strengths", "Strengths of the elements (dBV)"),
                 ),
                 pattern,
                 column_shares=[5, 5, 4],
@@ -99,12 +102,12 @@ def _world_view(name: str, eye: rrb.EyeControls3D, *hidden: str) -> rrb.Spatial3
     )
 
 
-def _plot(plot: str, name: str, whole: rrb.TimeAxis, limits: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+def _plot(plot: str, name: str, limits: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
     """Return a plot over the whole mission."""
     return rrb.TimeSeriesView(
         origin=f"plots/{plot}",
         name=name,
-        axis_x=whole,
+        axis_x=WHOLE,
         axis_y=limits and rrb.ScalarAxis(range=limits),
         plot_legend=rrb.Corner2D.RightTop,
     )

@@ -17,10 +17,10 @@ from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import kind_text
 
 COLOURS = {
-    "candidate": (255, 178, 40),
-    "confirmed": (60, 220, 110),
-    "outside": (150, 150, 160),
-    "ghost": (170, 120, 120),
+    "candidate": 0xFFB228FF,
+    "confirmed": 0x3CDC6EFF,
+    "outside": 0x9696A0FF,
+    "ghost": 0xAA7878FF,
 }
 """Colours of findings by state."""
 
@@ -50,19 +50,13 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
     if state == "dropped":
         stream.log(path, rr.Clear(recursive=True))
         return
-    (x, y, z), covariance_m2, colour = finding["position_m"], finding["covariance_m2"], COLOURS[state]
-    stream.log(path, rr.Points3D([x, y, z], colors=colour, radii=0.2))
-    draw_label(stream, number, (x, y, z), name_of(state, number))
-    semi_major_m = ellipse95(covariance_m2[:2, :2]).semi_major_m
-    outline_m = np.column_stack([outline95(np.array([x, y]), covariance_m2[:2, :2], 33), np.full(33, 0.1)])
+    position_m, covariance_m2 = finding["position_m"], finding["covariance_m2"][:2, :2]
+    stream.log(path, labels_3d({name_of(state, number): position_m}, 0.2, COLOURS[state]))
+    semi_major_m = ellipse95(covariance_m2).semi_major_m
+    outline_m = np.column_stack([outline95(position_m[:2], covariance_m2, 33), np.full(33, 0.1)])
     lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger ellipse would hide the yard
-    stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=colour, radii=0.05))
+    stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=COLOURS[state], radii=0.05))
     stream.log(f"plots/uncertainty/{number}", rr.Scalars(semi_major_m))
-
-
-def draw_label(stream: rr.RecordingStream, number: int, position_m: tuple[float, ...], text: str) -> None:
-    """Draw the label of a finding."""
-    stream.log(f"world/findings/{number}/label", labels_3d({text: position_m}))
 
 
 def _draw_likelihood(stream: rr.RecordingStream, meta: Mapping[str, Any], log_likelihood: np.ndarray) -> None:

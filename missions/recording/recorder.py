@@ -6,16 +6,14 @@ import hashlib
 import json
 from pathlib import Path
 
-import numpy as np
 import rerun as rr
 
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.bins import LogBin, set_step
 from pdpatrol.missions.recording.blueprint import blueprint
 from pdpatrol.missions.recording.findings import draw_findings, draw_phase_patterns
-from pdpatrol.missions.recording.pulses import AZIMUTHS_RAD, draw_pulses
+from pdpatrol.missions.recording.pulses import draw_pulses
 from pdpatrol.missions.recording.scene import draw_motion, draw_scene
 from pdpatrol.missions.recording.status import draw_events, draw_outcome, draw_status
 from pdpatrol.missions.report.make_report import make_report
@@ -35,8 +33,6 @@ class Recorder:
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
         self._bin_steps = 5 if "scenario" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
         self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
-        gain = described_manifold(log.meta["array"]).gain(AZIMUTHS_RAD)
-        self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         stream.send_recording_name(title_text(log.meta))
         draw_scene(stream, log.meta)
 
@@ -64,7 +60,7 @@ class Recorder:
         if part.end > part.first["step"]:
             set_step(self._stream, self._log, part.end - 1)
             draw_motion(self._stream, part)
-            draw_pulses(self._stream, part, self._unit_gain)
+            draw_pulses(self._stream, part)
             draw_status(self._stream, part)
 
 

@@ -7,8 +7,8 @@ import rerun as rr
 
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.record.events import Phase
-from pdpatrol.missions.recording.bins import LogBin, set_step
-from pdpatrol.missions.recording.findings import draw_label, name_of
+from pdpatrol.missions.recording.bins import LogBin, labels_3d, set_step
+from pdpatrol.missions.recording.findings import COLOURS, name_of
 from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import kind_text, phase_text, site_text
@@ -30,7 +30,9 @@ def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:
     for finding in report.findings:
         name, site = name_of(finding.state, finding.id), site_text(finding)
         lines.append(f"| **{name}** | {site} | {kind_text(finding)} | {finding.ellipse95.semi_major_m:.2f} m |")
-        draw_label(stream, finding.id, finding.position_m, f"{name}: {site}" if finding.sites else name)
+        label = f"{name}: {site}" if finding.sites else name
+        marker = labels_3d({label: finding.position_m}, 0.2, COLOURS[finding.state])
+        stream.log(f"world/findings/{finding.id}", marker)
     _draw_text(stream, lines)
 
 

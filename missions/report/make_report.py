@@ -107,10 +107,10 @@ def _waypoints(log: MissionLog) -> Waypoints:
 
 
 def _scores(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Scores | None:
-    if "truth" not in log.meta:
-        return None
     yard = true_yard(log)
-    sites_m = [] if yard is None else [yard.site_position(name) for name in yard.site_names()]
+    if yard is None:
+        return None
+    sites_m = [yard.site_position(name) for name in yard.site_names()]
     sources_m = {source["name"]: source["position_m"] for source in log.meta["truth"]["sources"]}
     return evaluate(findings, sources_m, sites_m)
 

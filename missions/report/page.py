@@ -65,7 +65,6 @@ def report_page(log: MissionLog, report: Report) -> str:
         title="Partial discharge survey",
         subject=title_text(log.meta),
         report=report,
-        is_field="field_data" in log.meta,
         field=log.meta.get("field_data", {}),
         summary=summary_text(report),
         plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),

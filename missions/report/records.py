@@ -295,15 +295,6 @@ def report_text(report: ReportPart) -> str:
     return report.model_dump_json(indent=1, by_alias=True) + "\n"
 
 
-def read_report(text: str) -> Report:
-    """Parse the text of report.json.
-
-    Raises:
-        ValueError: If it is not a report, or of another schema.
-    """
-    return Report.model_validate_json(text)
-
-
 def schema_text() -> str:
     """Return the text of docs/schemas/report.schema.json, the JSON Schema of report.json, draft 2020-12."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Report.model_json_schema(by_alias=True)}

@@ -13,7 +13,7 @@ import pytest
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.missions.cli import VERBS
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.records import read_report
+from pdpatrol.missions.report.records import Report
 from tests.missions.conftest import Refused, call
 from tests.processes import PDPATROL, assert_times_add_up, pdpatrol, refusal
 
@@ -157,7 +157,7 @@ def test_signal_ends_a_mission_with_complete_files(number: signal.Signals, tmp_p
     log = MissionLog.load(folder)
     assert log.column("event", "subject")[-1] == "interrupted"
     assert {path.name for path in folder.iterdir()} == FILES
-    assert read_report((folder / "report.json").read_text(encoding="utf-8")).ending == "interrupted"
+    assert Report.model_validate_json((folder / "report.json").read_text(encoding="utf-8")).ending == "interrupted"
 
 
 def test_killed_mission_can_still_be_reported(tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_killed_mission_can_still_be_reported(tmp_path: Path) -> None:
     assert MissionLog.load(folder).n_rows("step") >= 300
     done = pdpatrol("report", folder, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert read_report((folder / "report.json").read_text(encoding="utf-8")).ending is None
+    assert Report.model_validate_json((folder / "report.json").read_text(encoding="utf-8")).ending is None
     assert (folder / "report.html").exists()
 
 

@@ -8,7 +8,7 @@ from pdpatrol.missions.policies.make_policy import BUILT_IN
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import Report, read_report, report_text
+from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.report.wording import PULSE_CLASSES
 from pdpatrol.missions.runner import Mission, run_mission
 from pdpatrol.sensing.receiver.config import ChannelFault
@@ -57,7 +57,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
     assert finding.confirmed_s is not None
     assert finding.first_detected_s < finding.confirmed_s < report.sim_time_s
     assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
-    assert read_report(report_text(report)).findings[0].id == finding.id
+    assert Report.model_validate_json(report_text(report)).findings[0].id == finding.id
     likelihood, grid = log.table("likelihood"), grid_of(log.meta)
     assert np.all(np.diff(likelihood["step"]) > 0)
     assert np.all(np.diff(likelihood["log_likelihood"].max(axis=1)) >= 0.0)

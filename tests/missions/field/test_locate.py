@@ -11,7 +11,7 @@ import pytest
 
 from dirmusic import GaussianPattern
 from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.report.records import Report, read_report
+from pdpatrol.missions.report.records import Report
 from tests.missions.conftest import Refused
 from tests.missions.field.surveys import EXAMPLE, locate, log_of_table, orbit, survey, write
 from tests.processes import assert_times_add_up, pdpatrol
@@ -27,7 +27,7 @@ def test_waveforms_and_strengths_give_the_same_position(tmp_path: Path) -> None:
     assert done.stdout == (tmp_path / "out" / "report.json").read_text()
     files = {"log.npz", "report.json", "report.html", "mission.rrd", "calibration.toml"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == files
-    report, expected = read_report(done.stdout), locate(EXAMPLE, noise_v=None)
+    report, expected = Report.model_validate_json(done.stdout), locate(EXAMPLE, noise_v=None)
     assert (len(report.findings), report.candidates) == (1, ())
     place_m = np.array(report.findings[0].position_m)
     assert np.linalg.norm(place_m - expected.findings[0].position_m) < 0.05

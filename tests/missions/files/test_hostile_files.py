@@ -12,7 +12,7 @@ from pdpatrol.missions.field.locate_field_data import locate_field_data
 from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import read_report, report_text
+from pdpatrol.missions.report.records import Report, report_text
 from tests.missions.field.surveys import EXAMPLE
 from tests.missions.files import hostile
 
@@ -30,7 +30,7 @@ def is_accepted(table: Path, recording: Path | None = None) -> bool:
             faults = error.faults
         else:
             log = locate_field_data(data, SurveyOptions())
-            read_report(report_text(make_report(log, 0.0)))
+            Report.model_validate_json(report_text(make_report(log, 0.0)))
             if recording is not None:
                 write_recording(log, recording)
             return True

@@ -11,7 +11,7 @@ from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import read_report, report_text
+from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.runner import Mission, run_mission
 
 POLICIES = """
@@ -133,7 +133,7 @@ def test_failing_policy_ends_mission_with_complete_log(name: str, message: str, 
     assert log.n_rows("step") == n_steps
     assert log.column("event", "kind")[-2:].tolist() == ["error", "end"]
     assert log.column("event", "text")[-2:].tolist() == [str(mission.error), "mission over: error"]
-    read_report(report_text(make_report(log, 0.0)))
+    Report.model_validate_json(report_text(make_report(log, 0.0)))
 
 
 @pytest.mark.parametrize(

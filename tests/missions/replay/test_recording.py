@@ -64,7 +64,7 @@ def test_recording_has_every_row_of_the_log(drawn: Entities, log: MissionLog) ->
     assert n_rays == log.n_rows("bearing") > 100
     assert {text for (text,) in drawn["mission/events"]["text"].values()} <= set(log.column("event", "text").tolist())
     for number in set(log.column("finding", "id").tolist()):
-        assert f"world/findings/{number}/label" in drawn
+        assert f"world/findings/{number}" in drawn
     for path in ("yard/equipment/box", "robot/body/cylinder", "yard/sites", "route", "likelihood"):
         assert f"world/{path}" in drawn
     assert not [path for path, entity in drawn.items() if re.search(r"\bnan\b", repr(entity))]
@@ -155,8 +155,7 @@ def test_dropped_finding_is_cleared(tmp_path: Path, log: MissionLog) -> None:
     for step, state in ((3, "candidate"), (9, "dropped")):
         dropped.append("finding", **row | {"step": step, "state": state, "id": 1})
     drawn = recorded(dropped, tmp_path)
-    for part in ("", "/label"):
-        assert list(drawn[f"world/findings/1{part}"]["positions"]) == [3]
+    assert list(drawn["world/findings/1"]["positions"]) == [3]
     assert drawn["world/findings/1"]["is_recursive"] == {9: [True]}
 
 

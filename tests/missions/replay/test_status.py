@@ -43,4 +43,4 @@ def test_outcome_states_site_and_kind(tmp_path: Path) -> None:
     (text,) = drawn["mission/status"]["text"][9]
     assert "### Mission over after 1 s: docked" in text
     assert site.replace("_", "\\_") in text
-    assert drawn["world/findings/3/label"]["labels"][9][0].startswith(f"finding 3: {site}")
+    assert drawn["world/findings/3"]["labels"][9][0].startswith(f"finding 3: {site}")

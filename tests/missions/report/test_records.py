@@ -9,7 +9,7 @@ import pytest
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import read_report, report_text, schema_text
+from pdpatrol.missions.report.records import Report, report_text, schema_text
 from tests.missions.report.logs import LOGS, two_findings
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "schemas" / "report.schema.json"
@@ -34,7 +34,7 @@ def test_published_schema_requires_and_describes_every_field() -> None:
 def test_report_is_valid_and_reads_back(name: str, validator: jsonschema.Draft202012Validator) -> None:
     text = report_text(make_report(LOGS[name](), 1.5))
     validator.validate(json.loads(text))
-    assert report_text(read_report(text)) == text
+    assert report_text(Report.model_validate_json(text)) == text
 
 
 def test_schema_and_reader_refuse_broken_reports(validator: jsonschema.Draft202012Validator) -> None:
@@ -44,7 +44,7 @@ def test_schema_and_reader_refuse_broken_reports(validator: jsonschema.Draft2020
         broken = report | change
         assert not validator.is_valid(broken)
         with pytest.raises(ValueError, match="validation error"):
-            read_report(json.dumps(broken))
+            Report.model_validate_json(json.dumps(broken))
 
 
 def test_distance_does_not_use_the_true_pose() -> None:
