@@ -66,7 +66,7 @@ class Camera:
     def __init__(self, model: mujoco.MjModel, mode: str) -> None:
         self._model, self._shown = model, mujoco.MjData(model)
         self._window: Any = None
-        self._threads: list[threading.Thread] = []
+        self._threads: set[threading.Thread] = set()
         self._renderer: mujoco.Renderer | None = None
         if mode != "human":
             self._renderer = make_renderer(model)
@@ -79,7 +79,7 @@ class Camera:
 
             before = set(threading.enumerate())
             self._window = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
-            self._threads = [thread for thread in threading.enumerate() if thread not in before]
+            self._threads = set(threading.enumerate()) - before
             self._window.opt.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
             self._window.cam.type = mujoco.mjtCamera.mjCAMERA_FIXED
             self._window.cam.fixedcamid = model.camera(CHASE).id

@@ -85,19 +85,17 @@ class Robots:
     def _stored_contacts(self) -> FloatArray:
         """Return a live view of the contacts stored by the contact sensors of the hull.
 
-        The histories of the sensors are consecutive. In each history, MuJoCo stores two numbers and the times, and then
-        the contacts. The values of a contact are: found, x, y, z.
+        The histories of these sensors are the last ones. In each history, MuJoCo stores two numbers and the times, and
+        then the contacts. The values of a contact are: found, x, y, z.
 
         Returns:
             Shape (n_robots, n_sensors, n_steps, n_contacts, 4).
         """
         model, history = self.physics, self._batch.history
         sensors = [k for k in range(model.nsensor) if model.sensor(k).name.startswith("hull/")]
-        n_steps, size = int(model.sensor_history[sensors[0], 0]), int(model.sensor_dim[sensors[0]])
-        first, head = int(model.sensor_historyadr[sensors[0]]), 2 + n_steps
-        each = head + n_steps * size
-        rows = history[:, first : first + each * len(sensors)].reshape(len(history), len(sensors), each)
-        return rows[:, :, head:].reshape(len(history), len(sensors), n_steps, -1, 4)
+        n_steps, first = int(model.sensor_history[sensors[0], 0]), int(model.sensor_historyadr[sensors[0]])
+        rows = history[:, first:].reshape(len(history), len(sensors), -1)
+        return rows[:, :, 2 + n_steps :].reshape(len(history), len(sensors), n_steps, -1, 4)
 
     @cached_property
     def model(self) -> mujoco.MjModel:

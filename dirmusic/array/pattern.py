@@ -103,18 +103,13 @@ class TabulatedPattern(GainPattern):
                 f"{MAX_GAP_STEPS:.0f} times the median step ({np.degrees(np.median(steps)):.1f} degrees), got a step "
                 f"of {np.degrees(steps[widest]):.1f} degrees after {np.degrees(angle[widest]):.1f} degrees"
             )
-        self._start = angle[0]
         self._spline = scipy.interpolate.CubicSpline(closed_angle, np.append(value, value[0]), bc_type="periodic")
-        self._slope = self._spline.derivative()
-        for array in (angle, value):
-            array.setflags(write=False)
         self.off_boresight_rad, self.table_gain = angle, value
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Compute the gain and its slope per radian; see `GainPattern`."""
         angle = np.asarray(off_boresight_rad, dtype=np.float64)
-        within = self._start + np.mod(angle - self._start, 2 * np.pi)
-        return np.asarray(self._spline(within)), np.asarray(self._slope(within))
+        return self._spline(angle), self._spline(angle, 1)
 
 
 NEAR_AXIS = 1e-9

@@ -67,8 +67,6 @@ class SpatialPattern:
         for end in (0, -1):
             if np.isclose(abs(elevation[end]), np.pi / 2):
                 table[:, :, end] = table[:, :, end].mean(axis=1, keepdims=True)
-        for array in (frequency, azimuth, elevation, table):
-            array.setflags(write=False)
         self.frequency_hz, self.azimuth_rad, self.elevation_rad, self.table_gain = frequency, azimuth, elevation, table
         around = np.concatenate([azimuth[-4:] - 2 * np.pi, azimuth, azimuth[:4] + 2 * np.pi])  # for a periodic spline
         wrapped = np.concatenate([table[:, -4:], table, table[:, :4]], axis=1)
@@ -87,7 +85,7 @@ class SpatialPattern:
         Returns:
             Amplitude gain, shape (n_frequencies, *directions).
         """
-        at, up = np.broadcast_arrays(np.asarray(azimuth_rad, np.float64), np.asarray(elevation_rad, np.float64))
+        at, up = np.broadcast_arrays(azimuth_rad, elevation_rad)
         at = self.azimuth_rad[0] + np.mod(at - self.azimuth_rad[0], 2 * np.pi)
         up = np.clip(up, self.elevation_rad[0], self.elevation_rad[-1])
         tabulated = np.array([np.maximum(spline.ev(at, up), LEAST_GAIN) for spline in self._splines])

@@ -33,7 +33,7 @@ class SubBands:
         sample_rate_hz: Sample rate.
         n_samples: Length of a gate in samples.
         correlation: Autocorrelation of the noise at lags 0, 1, ..., shape (n_lags,): 1 at lag 0, and taken as 0 beyond
-            the last lag; None for white noise.
+            the last lag.
 
     Attributes:
         lines: Cosines and sines whose squared inner products with a gate sum to the energies, shape (n_bands, n_lines,
@@ -42,9 +42,7 @@ class SubBands:
         energy_spread: Argument of `strength_variance` for each sub-band, shape (n_bands,).
     """
 
-    def __init__(
-        self, edges_hz: ArrayLike, sample_rate_hz: float, n_samples: int, correlation: FloatArray | None = None
-    ) -> None:
+    def __init__(self, edges_hz: ArrayLike, sample_rate_hz: float, n_samples: int, correlation: FloatArray) -> None:
         edges = np.asarray(edges_hz, dtype=np.float64)
         width_hz = np.diff(edges)
         n_lines = max(4, int(np.ceil(4 * n_samples * width_hz.max() / sample_rate_hz)))
@@ -53,7 +51,7 @@ class SubBands:
         turn = 2 * np.pi * frequency_hz[..., np.newaxis] / sample_rate_hz * np.arange(n_samples)
         scale = np.sqrt(2 * width_hz / (n_lines * sample_rate_hz))[:, np.newaxis, np.newaxis]
         self.lines = np.ascontiguousarray(scale * np.concatenate([np.cos(turn), np.sin(turn)], axis=1))
-        lags = np.ones(1) if correlation is None else correlation[:n_samples]
+        lags = correlation[:n_samples]
         self._noise = toeplitz(np.pad(lags, (0, n_samples - lags.size)))
         self._form = np.einsum("bli,blj->bij", self.lines, self.lines)
         product = self._form @ self._noise

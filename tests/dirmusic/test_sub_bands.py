@@ -32,7 +32,7 @@ ARRAY = ArrayModel(
 
 
 def test_band_energies_sum_to_gate_energy() -> None:
-    bands = SubBands(np.linspace(0.0, 0.5 * RATE_HZ, 9), RATE_HZ, N)
+    bands = SubBands(np.linspace(0.0, 0.5 * RATE_HZ, 9), RATE_HZ, N, np.ones(1))
     gate = np.random.default_rng(0).normal(size=(N, 15))
     energy = np.square(bands.lines @ gate).sum(axis=(0, 1))
     np.testing.assert_allclose(energy, np.square(gate).sum(axis=0), rtol=0.02)
@@ -41,7 +41,7 @@ def test_band_energies_sum_to_gate_energy() -> None:
 @pytest.mark.parametrize("noise_correlation", [0.0, 0.6])
 def test_noise_energies_have_stated_mean_and_variance(noise_correlation: float) -> None:
     correlation = np.power(noise_correlation, np.arange(N), dtype=np.float64)
-    bands = SubBands(EDGES_HZ, RATE_HZ, N, correlation if noise_correlation else None)
+    bands = SubBands(EDGES_HZ, RATE_HZ, N, correlation)
     drawn = np.linalg.cholesky(toeplitz(correlation)) @ np.random.default_rng(1).normal(size=(N, 20_000))
     energy = np.square(bands.lines @ drawn).sum(axis=1)
     np.testing.assert_allclose(energy.mean(axis=1), bands.noise_samples, rtol=0.02)
@@ -49,7 +49,7 @@ def test_noise_energies_have_stated_mean_and_variance(noise_correlation: float) 
 
 
 def test_band_strengths_have_stated_variance() -> None:
-    bands, rng = SubBands(EDGES_HZ, RATE_HZ, N), np.random.default_rng(2)
+    bands, rng = SubBands(EDGES_HZ, RATE_HZ, N, np.ones(1)), np.random.default_rng(2)
     time_s = np.arange(N) / RATE_HZ
     pulse = 30.0 * np.exp(-(((time_s - 3e-9) / 0.5e-9) ** 2)) * np.sin(2 * np.pi * 1.75e9 * time_s)
     energy = np.square(bands.lines @ (pulse + rng.normal(size=(20_000, N))).T).sum(axis=1)
