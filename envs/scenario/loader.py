@@ -50,7 +50,7 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
         return scenario
     path = _path_of(scenario)
     try:
-        data = as_tuples(read_toml(path))
+        data = read_toml(path)
     except InputFileError as error:
         raise ScenarioError(error.faults) from None
     for setting, value in (settings or {}).items():
@@ -62,10 +62,7 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
             inner = inner[table]
         inner[key] = as_tuples(value)
     _make_paths_absolute(data, path.absolute().parent)
-    try:
-        return Scenario.model_validate({"name": path.stem, **data})
-    except ValidationError as error:
-        raise ScenarioError([f"{path}: {line}" for line in error_lines(error, Scenario)]) from None
+    return restore_scenario({"name": path.stem, **data}, f"{path}: ")
 
 
 def _path_of(scenario: str | Path) -> Path:
@@ -96,8 +93,12 @@ def _make_paths_absolute(data: dict[str, Any], folder: Path) -> None:
                 table[key] = str(folder / table[key])
 
 
-def restore_scenario(data: Mapping[str, Any]) -> Scenario:
+def restore_scenario(data: Mapping[str, Any], place: str = "") -> Scenario:
     """Create a scenario from the plain data that its `model_dump(mode="json")` returned.
+
+    Args:
+        data: The data.
+        place: Start of each line of an error, such as the name of a file.
 
     Raises:
         ScenarioError: If the data has errors; all of them are listed.
@@ -105,7 +106,7 @@ def restore_scenario(data: Mapping[str, Any]) -> Scenario:
     try:
         return Scenario.model_validate(as_tuples(data))
     except ValidationError as error:
-        raise ScenarioError(error_lines(error, Scenario)) from None
+        raise ScenarioError([f"{place}{line}" for line in error_lines(error, Scenario)]) from None
 
 
 def schema_text() -> str:

@@ -71,10 +71,9 @@ class MapConfig(Config):
             for key, name in given
             if name not in names
         ]
-        if errors:
-            return errors
-        try:
-            self.of(yard)
-        except ValidationError as error:
-            return [f"map: {line}" for line in error_lines(error, Yard)]
-        return []
+        if not errors:
+            try:
+                self.of(yard)
+            except ValidationError as error:
+                errors = [f"map: {line}" for line in error_lines(error, Yard)]
+        return errors

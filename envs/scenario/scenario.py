@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import log10, sqrt
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from dirmusic import ArrayModel
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.array import data_sheet
 from pdpatrol.envs.scenario.base import Config, MissionName, known_names
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
@@ -183,19 +183,18 @@ def _table_errors(scenario: Scenario) -> Iterator[str]:
     calibration, number = scenario.locating.calibration, scenario.array.serial_number
     if calibration is not None and number is None:
         yield "array.serial_number: is required with a calibration; without it each mission draws another array"
-    elif calibration is not None:
-        mismatch = calibration.mismatch(data_sheet(scenario.array), number)
-        if mismatch:
-            yield f"locating.calibration: {mismatch}"
+    elif calibration is not None and (mismatch := calibration.mismatch(data_sheet(scenario.array), number)):
+        yield f"locating.calibration: {mismatch}"
 
 
-def position_error(yard: Yard, position_m: ArrayLike) -> str | None:
+def position_error(yard: Yard, position_m: Sequence[float] | FloatArray) -> str | None:
     """Explain why a source cannot be at a position (x, y, z), or return None if it can."""
-    place_m, enclosing = np.asarray(position_m, dtype=np.float64), yard.enclosing_equipment(position_m)
-    if yard.contains(position_m) and 0.0 < place_m[2] <= MOST_YARD_M and enclosing is None:
+    enclosing = yard.enclosing_equipment(position_m)
+    if yard.contains(position_m) and 0.0 < position_m[2] <= MOST_YARD_M and enclosing is None:
         return None
     where = f" inside equipment `{enclosing}`" if enclosing else ""
-    return f"must lie in the yard, above the ground and outside equipment, got {np.round(place_m, 3).tolist()}{where}"
+    place = f"{np.round(position_m, 3).tolist()}{where}"
+    return f"must lie in the yard, above the ground and outside equipment, got {place}"
 
 
 def _source_errors(scenario: Scenario) -> Iterator[str]:
@@ -248,7 +247,7 @@ def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(scenario.route.stops_m)}
     for key, point in stops.items():
         for yard, where in ((scenario.yard, ""), (known_yard, " on the map")):
-            clearance_m = float(yard.clearance(point))
+            clearance_m = yard.clearance(point)
             if clearance_m < room_m:
                 (nearest,) = yard.obstacles_at([point])
                 yield (
