@@ -65,7 +65,7 @@ class ResetOptions(NamedTuple):
         Raises:
             ValueError: If an option is unknown, or invalid in the scenario.
         """
-        options = {} if options is None else options
+        options = options or {}
         if not (isinstance(options, Mapping) and options.keys() <= {"start_pose", "sources"}):
             raise ValueError(f"`options` must be a dict with the keys start_pose and sources, got {options!r}")
         start, places, yard = options.get("start_pose"), options.get("sources") or {}, scenario.yard

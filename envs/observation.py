@@ -42,7 +42,7 @@ class ObservationLayout:
         size_m, limits = np.array(scenario.yard.size_m), np.array(scenario.robot.description.limits)
 
         def box(low: ArrayLike, high: ArrayLike, n: int) -> spaces.Box:
-            return spaces.Box(np.full(n, low, np.float32), np.full(n, high, np.float32), dtype=np.float32)
+            return spaces.Box(np.full(n, low, np.float32), np.full(n, high, np.float32))
 
         boxes: dict[str, Any] = {
             "pose": box([-POSE_MARGIN_M, -POSE_MARGIN_M, -1, -1], [*(size_m + POSE_MARGIN_M), 1, 1], 4),

@@ -223,7 +223,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         resolved = resolve_scenario(scenario)
         self._draw_scenario = resolved if callable(resolved) else None
         self._enter(resolved(np.random.default_rng(0)) if callable(resolved) else resolved)
-        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,))
         self.observation_space = self.simulation.layout.space  # pyright: ignore[reportAttributeAccessIssue]
 
     def _enter(self, scenario: Scenario) -> None:

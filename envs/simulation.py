@@ -84,7 +84,7 @@ class Simulation:
         states: States of the robots after the last step or start.
         info: Arrays of `states` that the environments return in `info`, by key.
         truths: Ground truth of each robot's current episode; empty before the first start.
-        generators: Random generators of each robot's current episode.
+        generators: Random generators of each robot's current episode, by row; empty before the first start.
         pulse_rows: Row of the robot that detected each pulse of the last step, shape (n_pulses,), in ascending order.
         pulses: Pulses that all robots detected in the last step, with their bearings.
         suspects: Channels newly found faulty, for each robot.
@@ -116,8 +116,7 @@ class Simulation:
         self._surroundings = surroundings_of(scenario.yard, second_order=scenario.radio.second_order)
         self._all_rows = np.arange(n_robots)
         self.truths: list[dict[str, Any]] = [{}] * n_robots
-        self.generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
-        self._monitors = [ChannelMonitor(self.array, self.estimator) for _ in range(n_robots)]
+        self.generators, self._monitors = dict[int, Generators](), dict[int, ChannelMonitor]()
         self._receivers: ReceiverBank | None = None
         self.pulse_rows = self._all_rows[:0]
         self.pulses = PulseBatch.none(scenario.array.n_channels, scenario.receiver.n_bands)
@@ -135,22 +134,22 @@ class Simulation:
         if self._receivers is None:
             listeners = [episode.listener for episode in drawn]
             self._receivers = ReceiverBank(self.scenario.receiver, listeners, self._n_threads)
-        odometry = self.scenario.odometry
+        states, odometry = self.states, self.scenario.odometry
         for row, own, episode in zip(rows.tolist(), spawned, drawn, strict=True):
             self._receivers.replace(row, episode.listener)
             self.truths[row], self.generators[row] = episode.truth, own
             self._monitors[row], self.suspects[row] = ChannelMonitor(self.array, self.estimator), ()
-            self.states.sources_m[row] = episode.listener.scene.positions_m[: len(self.scenario.sources), :2]
+            states.sources_m[row] = episode.listener.scene.positions_m[: len(self.scenario.sources), :2]
             self._draw_noise(row)
             scale, bias = own.motion.standard_normal(2)
-            self.states.metres_per_radian[row] = self.robot.wheel_radius_m * (1.0 + odometry.wheel_radius_error * scale)
-            self.states.gyro_bias_radps[row] = np.radians(odometry.gyro_bias_deg_per_min) / 60.0 * bias
+            states.metres_per_radian[row] = self.robot.wheel_radius_m * (1.0 + odometry.wheel_radius_error * scale)
+            states.gyro_bias_radps[row] = np.radians(odometry.gyro_bias_deg_per_min) / 60.0 * bias
         going_on = ~np.isin(self.pulse_rows, rows)
         self.pulse_rows, self.pulses = self.pulse_rows[going_on], self.pulses.take(going_on)
-        self.states.is_usable[rows] = True
-        self.states.spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
+        states.is_usable[rows] = True
+        states.spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
-        self.states.touched[rows] = self.robots.is_touching[rows]
+        states.touched[rows] = self.robots.is_touching[rows]
         start_robots(self._held, self.robots.readings.values, rows)
 
     def step(self, commands: FloatArray, rows: IntArray | None = None) -> None:
@@ -171,7 +170,7 @@ class Simulation:
         detected = self._receivers.listen(readings.world_from_base, start_s, STEP_S, rows)
         self.pulse_rows = detected.robot
         self.pulses = self.estimator(detected.pulses, self.array).attached_to(detected.pulses)
-        self.suspects = [()] * len(self._monitors)
+        self.suspects = [()] * self._all_rows.size
         start = 0
         for row, same in groupby(detected.robot.tolist()):
             end = start + len(list(same))

@@ -65,11 +65,6 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
         ScenarioError: If the scenario has errors; all of them are listed.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
-    }
-
     def __init__(
         self,
         num_envs: int = 1,
@@ -104,8 +99,8 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             max_episode_steps=max_episode_steps,
         )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.single_action_space = spaces.Box(-1.0, 1.0, (2,))
         self.single_observation_space = self.simulation.layout.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -187,8 +182,8 @@ class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
             vectors, final_obs = simulation.observe(), np.full(self.num_envs, None, dtype=object)
             for row in np.flatnonzero(is_over).tolist():
                 final_obs[row] = simulation.layout.split(vectors[row].copy())
-            final = {"final_obs": final_obs, "_final_obs": is_over}
-            final |= {"final_info": self._info(is_over), "_final_info": is_over.copy()}
+            final = {"final_obs": final_obs, "final_info": self._info(is_over)}
+            final |= {"_final_obs": is_over, "_final_info": is_over.copy()}
             self._start(is_over, ResetOptions())
         return self._observation(), reward, terminated, truncated, self._info(self._all_rows) | final
 

@@ -59,7 +59,7 @@ class Flattener:
         assert isinstance(flat, spaces.Box)
         self.names = tuple(f"{key}[{index}]" for key in whole for index in range(spaces.flatdim(whole[key])))
         self._middle, self._half = 0.5 * (flat.low + flat.high), 0.5 * (flat.high - flat.low)
-        self.space = spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
+        self.space = spaces.Box(-1.0, 1.0, flat.shape)
 
     def __call__(self, observation: Observation) -> NDArray[np.float32]:
         """Flatten observations with entries of shape (..., n) to vectors of shape (..., n_entries)."""
