@@ -52,9 +52,10 @@ def levels(yard: Yard, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatA
     for row, column in np.ndindex(y.size, x.size):
         at = Vector(float(x[column]), float(y[row]), ARRAY_M)
         rays = find_ray_paths(source_m, axis, least, at, around)
-        length_m = rays.extra_m + np.linalg.norm(rays.from_m - at, axis=-1)
-        field[row, column] = np.sum(rays.coefficient / length_m * np.exp(-2j * np.pi / WAVELENGTH_M * length_m))
-        power[row, column] = np.sum(np.square(np.abs(rays.coefficient) / length_m))
+        from_m, coefficient = np.column_stack([rays.rows[axis] for axis in "xyz"]), rays.rows["coefficient"]
+        length_m = rays.rows["extra_m"] + np.linalg.norm(from_m - at, axis=-1)
+        field[row, column] = np.sum(coefficient / length_m * np.exp(-2j * np.pi / WAVELENGTH_M * length_m))
+        power[row, column] = np.sum(np.square(np.abs(coefficient) / length_m))
     return 20 * np.log10(np.abs(field) + 1e-6), 10 * np.log10(power + 1e-12)
 
 

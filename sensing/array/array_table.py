@@ -12,6 +12,7 @@ from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled_inner
 from pdpatrol.sensing.array.helical_array import HelicalArray
+from pdpatrol.sensing.radio.geometry import Vector
 
 GRID_STEP_RAD = math.radians(2.0)
 """Step of the grid of gains. Linear interpolation of a lobe 55 degrees wide is accurate to 0.001."""
@@ -57,6 +58,7 @@ class ArrayTable(NamedTuple):
 
     Attributes:
         elements_m: Positions of the elements, shape (n_elements, 3), array frame.
+        middle_m: Mean position of the elements.
         boresights: Fields of `Boresight`, shape (n_elements, 4).
         gain_factors: Factors of the gains, shape (n_elements,).
         gain_offsets: Offsets added to the gains, shape (n_elements,).
@@ -68,6 +70,7 @@ class ArrayTable(NamedTuple):
     """
 
     elements_m: FloatArray
+    middle_m: Vector
     boresights: FloatArray
     gain_factors: FloatArray
     gain_offsets: FloatArray
@@ -92,6 +95,7 @@ class ArrayTable(NamedTuple):
         """
         return cls(
             np.array(array.positions_m),
+            Vector(*array.positions_m.mean(axis=0).tolist()),
             np.array(as_boresights(array.boresights_rad, array.boresight_elevations_rad)),
             np.array(array.gain_factors),
             np.array(array.gain_offsets),

@@ -134,7 +134,7 @@ class Scene:
         carriers: Sequence[Carrier] = (),
     ) -> None:
         self.sources, self.carriers = tuple(sources), tuple(carriers)
-        self.surroundings = surroundings or Surroundings.free_space()
+        self.surroundings = surroundings or Surroundings()
         self.positions_m = self.positions_at(0.0)
         self.axes = np.array([source.axis for source in sources]).reshape(-1, 3)
         self.burst_s = np.array([source.burst_s for source in sources])

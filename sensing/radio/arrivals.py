@@ -12,7 +12,7 @@ from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled
 from pdpatrol.sensing.array.array_table import ArrayTable, look_up_gains
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
-from pdpatrol.sensing.radio.geometry import Vector
+from pdpatrol.sensing.radio.geometry import Frame, Vector, frame_of, minus, to_frame, to_world, vector_of
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
 from pdpatrol.sensing.radio.surroundings import Surroundings
 
@@ -54,35 +54,32 @@ class Arrivals(NamedTuple):
 
 
 @compiled
-def arrive(ray_paths: RayPaths, world_from_array: FloatArray, array: ArrayTable) -> Arrivals:
+def arrive(ray_paths: RayPaths, pose: Frame, array: ArrayTable) -> Arrivals:
     """Compute the delay and amplitude of each ray path at each element of an array.
 
     Args:
         ray_paths: Paths to the middle of the array.
-        world_from_array: Pose of the array, shape (4, 4).
+        pose: Frame of the array.
         array: The array.
     """
-    rows, elements_m, w = ray_paths.rows, array.elements_m, world_from_array
+    rows, elements_m = ray_paths.rows, array.elements_m
     n_paths, n_elements, n_bands = rows.size, len(elements_m), array.band_peak.size
     has_grid, gain = array.grid.size > 0, np.empty(n_bands)
     delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements, n_bands), np.complex128)
     peak, peak_s = np.empty(n_paths), np.empty(n_paths)
     for p in range(n_paths):
         path = rows[p]
-        dx, dy, dz = path.x - w[0, 3], path.y - w[1, 3], path.z - w[2, 3]
-        x = dx * w[0, 0] + dy * w[1, 0] + dz * w[2, 0]
-        y = dx * w[0, 1] + dy * w[1, 1] + dz * w[2, 1]
-        z = dx * w[0, 2] + dy * w[1, 2] + dz * w[2, 2]
+        at = to_frame(pose, Vector(path.x, path.y, path.z))
         peak[p] = -1.0
         for e in range(n_elements):
-            ex, ey, ez = x - elements_m[e, 0], y - elements_m[e, 1], z - elements_m[e, 2]
+            x, y, z = minus(at, vector_of(elements_m[e]))
             b = array.boresights[e]
             boresight = Boresight(b[0], b[1], b[2], b[3])
             if has_grid:
-                look_up_gains(array.grid, boresight, ex, ey, ez, gain)
+                look_up_gains(array.grid, boresight, x, y, z, gain)
             else:
-                gain[0] = gain_towards(array.pattern, boresight, ex, ey, ez)
-            length_m = path.extra_m + np.sqrt(ex * ex + ey * ey + ez * ez)
+                gain[0] = gain_towards(array.pattern, boresight, x, y, z)
+            length_m = path.extra_m + np.sqrt(x * x + y * y + z * z)
             delay_s[p, e] = length_m / SPEED_OF_LIGHT_MPS
             level = 0.0
             for band in range(n_bands):
@@ -106,15 +103,6 @@ def propagate(least: FloatArray, world_from_array: FloatArray, propagation: Prop
         propagation: Sources, array and surroundings.
     """
     positions_m, axes, _, array, surroundings = propagation
-    elements_m, w, x, y, z = array.elements_m, world_from_array, 0.0, 0.0, 0.0
-    for e in range(len(elements_m)):
-        x += elements_m[e, 0] / len(elements_m)
-        y += elements_m[e, 1] / len(elements_m)
-        z += elements_m[e, 2] / len(elements_m)
-    middle = Vector(
-        w[0, 0] * x + w[0, 1] * y + w[0, 2] * z + w[0, 3],
-        w[1, 0] * x + w[1, 1] * y + w[1, 2] * z + w[1, 3],
-        w[2, 0] * x + w[2, 1] * y + w[2, 2] * z + w[2, 3],
-    )
-    ray_paths = find_ray_paths(positions_m, axes, least, middle, surroundings)
-    return ray_paths, arrive(ray_paths, world_from_array, array)
+    pose = frame_of(world_from_array)
+    ray_paths = find_ray_paths(positions_m, axes, least, to_world(pose, array.middle_m), surroundings)
+    return ray_paths, arrive(ray_paths, pose, array)

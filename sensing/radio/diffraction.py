@@ -2,7 +2,7 @@
 
 A box has twelve edges, of which the four upright ones and the four on top diffract waves towards a robot. A ray is
 diffracted by one edge, or by two edges with a path along the face between them. Seen along its direction, an edge is a
-corner of a rectangle: p and q are the coordinates across the edge, and `along` is the coordinate along it.
+corner of a rectangle: in the frame of an edge, x and y are the coordinates across the edge, and z is that along it.
 
 Diffraction by one edge follows the uniform theory of diffraction (UTD), which distinguishes polarisations and faces,
 and is continuous with the rays that the edge blocks. A second edge contributes a Fresnel integral, as in ITU-R P.526
@@ -19,11 +19,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import modfresnelm
 
+from dirmusic.array.pattern import cubic
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
     UP,
+    Frame,
     UprightSolid,
     Vector,
+    distance,
     hypot,
     mirror_in_ground,
     towards,
@@ -38,7 +41,7 @@ from pdpatrol.sensing.radio.polarisation import (
     reflected,
 )
 from pdpatrol.sensing.radio.reflection import OWN_FACE_M
-from pdpatrol.sensing.radio.transmission import diffraction_parameter, smooth_step
+from pdpatrol.sensing.radio.transmission import RadioLink, diffraction_parameter, smooth_step
 
 STEP, END = 0.02, 20.0
 """Step and end of the table of the Fresnel integral; cubic interpolation between its points is accurate to 1e-8."""
@@ -59,10 +62,7 @@ def fresnel_tail(u: float) -> complex:
         square = u * u
         return (1.0 + 0.5j / square - 0.75 / (square * square)) / (2.0j * u)
     i = int(u / STEP)
-    share, start, rise = u / STEP - i, _TAIL[i], _TAIL[i + 1] - _TAIL[i]
-    quadratic = 3.0 * rise - 2.0 * _SLOPE[i] - _SLOPE[i + 1]
-    cubic = _SLOPE[i] + _SLOPE[i + 1] - 2.0 * rise
-    return start + share * (_SLOPE[i] + share * (quadratic + share * cubic))
+    return cubic(u / STEP - i, _TAIL[i], _TAIL[i + 1], _SLOPE[i], _SLOPE[i + 1])[0]
 
 
 @compiled_inner
@@ -154,41 +154,23 @@ OUTER_ANGLE = 1.5
 
 
 class BoxEdge(NamedTuple):
-    """Edge of a box, in the coordinates of the edge.
+    """Edge of a box, in the frame of the edge.
 
     Attributes:
-        p: First coordinate across the edge.
-        q: Second coordinate across the edge.
-        out_p: Sign of the outward normal of the face perpendicular to p, 1 or -1.
-        out_q: Sign of the outward normal of the face perpendicular to q, 1 or -1.
+        x: First coordinate across the edge.
+        y: Second coordinate across the edge.
+        out_x: Sign of the outward normal of the face perpendicular to x, 1 or -1.
+        out_y: Sign of the outward normal of the face perpendicular to y, 1 or -1.
         low: Coordinate along the edge where it begins.
         high: Coordinate along the edge where it ends.
     """
 
-    p: float
-    q: float
-    out_p: float
-    out_q: float
-    low: float
-    high: float
-
-
-class EdgePoint(NamedTuple):
-    """Point in the coordinates of an edge."""
-
-    p: float
-    q: float
-    along: float
-
-
-class EdgeAxes(NamedTuple):
-    """Axes of the coordinates of an edge as world vectors, and their origin on the ground."""
-
-    p: Vector
-    q: Vector
-    edge: Vector
     x: float
     y: float
+    out_x: float
+    out_y: float
+    low: float
+    high: float
 
 
 class EdgeRay(NamedTuple):
@@ -197,8 +179,7 @@ class EdgeRay(NamedTuple):
     Attributes:
         first: Coordinate of the first diffraction point along its edge.
         last: Coordinate of the last diffraction point along its edge.
-        before_m: Length from the source to the first edge.
-        between_m: Length from the first edge to the last; 0 for one edge.
+        before_m: Length from the source to the last edge.
         behind_m: Length from the last edge to the target.
         soft: Amplitude of a field polarised along the first edge, relative to a direct ray of the same length.
         hard: Amplitude of a field polarised across the first edge, relative to the same.
@@ -207,42 +188,23 @@ class EdgeRay(NamedTuple):
     first: float
     last: float
     before_m: float
-    between_m: float
     behind_m: float
     soft: complex
     hard: complex
 
 
 @compiled
-def edge_axes(box: UprightSolid, family: int) -> EdgeAxes:
-    """Return the axes of a family of edges: upright (0), or horizontal along the second (1) or the first side (2)."""
-    first, second = Vector(box.cos, box.sin, 0.0), Vector(-box.sin, box.cos, 0.0)
+def edge_frame(box: UprightSolid, family: int) -> Frame:
+    """Return the frame of a family of edges: upright (0), or horizontal along the second (1) or the first side (2).
+
+    Its origin is on the ground under the middle of the box.
+    """
+    first, second, origin = Vector(box.cos, box.sin, 0.0), Vector(-box.sin, box.cos, 0.0), Vector(box.x, box.y, 0.0)
     if family == 0:
-        return EdgeAxes(first, second, UP, box.x, box.y)
+        return Frame(first, second, UP, origin)
     if family == 1:
-        return EdgeAxes(first, UP, second, box.x, box.y)
-    return EdgeAxes(second, UP, first, box.x, box.y)
-
-
-@compiled
-def to_edge(axes: EdgeAxes, at: Vector) -> EdgePoint:
-    """Convert a world point to the coordinates of an edge."""
-    dx, dy = at.x - axes.x, at.y - axes.y
-    return EdgePoint(
-        dx * axes.p.x + dy * axes.p.y + at.z * axes.p.z,
-        dx * axes.q.x + dy * axes.q.y + at.z * axes.q.z,
-        dx * axes.edge.x + dy * axes.edge.y + at.z * axes.edge.z,
-    )
-
-
-@compiled
-def to_world(axes: EdgeAxes, p: float, q: float, along: float) -> Vector:
-    """Convert coordinates of an edge to a world point."""
-    return Vector(
-        axes.x + p * axes.p.x + q * axes.q.x + along * axes.edge.x,
-        axes.y + p * axes.p.y + q * axes.q.y + along * axes.edge.y,
-        p * axes.p.z + q * axes.q.z + along * axes.edge.z,
-    )
+        return Frame(first, UP, second, origin)
+    return Frame(second, UP, first, origin)
 
 
 @compiled
@@ -253,32 +215,38 @@ def box_edge(box: UprightSolid, family: int, number: int) -> BoxEdge:
     belong.
     """
     bottom_m = box.bottom_m if box.bottom_m > 0.0 else -box.top_m
-    out_p, out_q = 1.0 if number == 0 or number == 3 else -1.0, 1.0 if number < 2 else -1.0
+    out_x, out_y = 1.0 if number == 0 or number == 3 else -1.0, 1.0 if number < 2 else -1.0
     if family == 0:
-        return BoxEdge(out_p * box.half_x, out_q * box.half_y, out_p, out_q, bottom_m, box.top_m)
-    half_p, half_m = (box.half_x, box.half_y) if family == 1 else (box.half_y, box.half_x)
-    return BoxEdge(out_p * half_p, box.top_m if number < 2 else bottom_m, out_p, out_q, -half_m, half_m)
+        return BoxEdge(out_x * box.half_x, out_y * box.half_y, out_x, out_y, bottom_m, box.top_m)
+    half_x, half_z = (box.half_x, box.half_y) if family == 1 else (box.half_y, box.half_x)
+    return BoxEdge(out_x * half_x, box.top_m if number < 2 else bottom_m, out_x, out_y, -half_z, half_z)
 
 
 @compiled_inner
-def outer_angle(edge: BoxEdge, point: EdgePoint) -> float:
-    """Return the angle of a point about an edge, measured from the face perpendicular to p, in [0, 3/2 pi]."""
-    angle = math.atan2((point.p - edge.p) * edge.out_p, -(point.q - edge.q) * edge.out_q)
+def outer_angle(edge: BoxEdge, point: Vector) -> float:
+    """Return the angle of a point about an edge, measured from the face perpendicular to x, in [0, 3/2 pi]."""
+    angle = math.atan2((point.x - edge.x) * edge.out_x, -(point.y - edge.y) * edge.out_y)
     if angle > -0.25 * math.pi:
         return max(angle, 0.0)
     return min(angle + 2.0 * math.pi, OUTER_ANGLE * math.pi)
 
 
 @compiled
-def is_hidden(edge: BoxEdge, point: EdgePoint) -> bool:
+def is_hidden(edge: BoxEdge, point: Vector) -> bool:
     """Return whether the box itself hides an edge from a point, which then is more than 1 um behind both faces."""
-    return (point.p - edge.p) * edge.out_p < -1e-6 and (point.q - edge.q) * edge.out_q < -1e-6
+    return (point.x - edge.x) * edge.out_x < -1e-6 and (point.y - edge.y) * edge.out_y < -1e-6
 
 
 @compiled_inner
-def distance_across(edge: BoxEdge, point: EdgePoint) -> float:
+def distance_across(edge: BoxEdge, point: Vector) -> float:
     """Return the distance of a point from the line of an edge, at least 1 mm."""
-    return max(hypot(point.p - edge.p, point.q - edge.q), 1e-3)
+    return max(hypot(point.x - edge.x, point.y - edge.y), 1e-3)
+
+
+@compiled_inner
+def face_width(first: BoxEdge, last: BoxEdge) -> float:
+    """Return the distance between two edges of a family."""
+    return hypot(last.x - first.x, last.y - first.y)
 
 
 @compiled_inner
@@ -310,21 +278,21 @@ def bend_point(edge: BoxEdge, at: float, before_m: float, behind_m: float, rise_
 
 
 @compiled
-def round_one(edge: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeFaces) -> EdgeRay:
+def round_one(edge: BoxEdge, source: Vector, target: Vector, faces: WedgeFaces) -> EdgeRay:
     """Return the ray diffracted by one edge; the edge must be visible from both source and target."""
     before, behind = distance_across(edge, source), distance_across(edge, target)
-    across, rise = before + behind, target.along - source.along
-    at, factor = bend_point(edge, source.along + rise * before / across, before, behind, rise)
-    before_m, behind_m = hypot(before, at - source.along), hypot(behind, target.along - at)
+    across, rise = before + behind, target.z - source.z
+    at, factor = bend_point(edge, source.z + rise * before / across, before, behind, rise)
+    before_m, behind_m = hypot(before, at - source.z), hypot(behind, target.z - at)
     k_length = 2.0 * math.pi / WAVELENGTH_M * before * behind / hypot(across, rise)
     soft, hard = wedge_coefficients(outer_angle(edge, source), outer_angle(edge, target), OUTER_ANGLE, k_length, faces)
     factor /= math.sqrt(k_length)
-    return EdgeRay(at, at, before_m, 0.0, behind_m, factor * soft, factor * hard)
+    return EdgeRay(at, at, before_m, behind_m, factor * soft, factor * hard)
 
 
 @compiled
 def round_two(
-    first: BoxEdge, last: BoxEdge, beyond: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeFaces
+    first: BoxEdge, last: BoxEdge, beyond: BoxEdge, source: Vector, target: Vector, faces: WedgeFaces
 ) -> EdgeRay:
     """Return the ray diffracted by two edges, with a path along the face between them.
 
@@ -332,22 +300,22 @@ def round_two(
     have to pass the edge `beyond` the last one, because rays around three edges are not modelled.
     """
     before, behind = distance_across(first, source), distance_across(last, target)
-    face, rise = hypot(last.p - first.p, last.q - first.q), target.along - source.along
+    face, rise = face_width(first, last), target.z - source.z
     across = before + face + behind
     slope = rise / across
-    at_first, factor = bend_point(first, source.along + slope * before, before, face + behind, rise)
-    at_last, factor_last = bend_point(last, target.along - slope * behind, before + face, behind, rise)
-    before_m, between_m = hypot(before, at_first - source.along), hypot(face, at_last - at_first)
-    behind_m, stretch = hypot(behind, target.along - at_last), math.sqrt(1.0 + slope * slope)
+    at_first, factor = bend_point(first, source.z + slope * before, before, face + behind, rise)
+    at_last, factor_last = bend_point(last, target.z - slope * behind, before + face, behind, rise)
+    before_m = hypot(before, at_first - source.z) + hypot(face, at_last - at_first)
+    behind_m, stretch = hypot(behind, target.z - at_last), math.sqrt(1.0 + slope * slope)
     k_length = 2.0 * math.pi / WAVELENGTH_M * before * (face + behind) / (across * stretch)
-    leaving_rad = 0.0 if last.p == first.p else OUTER_ANGLE * math.pi
+    leaving_rad = 0.0 if last.x == first.x else OUTER_ANGLE * math.pi
     soft, hard = wedge_coefficients(outer_angle(first, source), leaving_rad, OUTER_ANGLE, k_length, faces)
     direct_m = hypot(distance_across(first, target), slope * (face + behind))
     parameter = diffraction_parameter((face + behind) * stretch - direct_m)
     factor *= factor_last * edge_wave(parameter if is_hidden(first, target) else -parameter) / math.sqrt(k_length)
-    detour_m = hypot(beyond.p - last.p, beyond.q - last.q) + distance_across(beyond, target) - behind
+    detour_m = face_width(last, beyond) + distance_across(beyond, target) - behind
     factor *= smooth_step(diffraction_parameter(detour_m))
-    return EdgeRay(at_first, at_last, before_m, between_m, behind_m, factor * soft, factor * hard)
+    return EdgeRay(at_first, at_last, before_m, behind_m, factor * soft, factor * hard)
 
 
 @compiled_inner
@@ -358,7 +326,7 @@ def largest_edge_wave(detour_m: float) -> float:
 
 
 @compiled_inner
-def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: EdgePoint) -> float:
+def largest_level(first: BoxEdge, last: BoxEdge, source: Vector, target: Vector) -> float:
     """Estimate the largest amplitude of a ray around two edges, relative to that 1 m from the source.
 
     For a ray around one edge, pass the same edge twice. The estimate is the sum of the Fresnel integrals at the shadow
@@ -366,19 +334,19 @@ def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: Edge
     would lie beyond it. It avoids the computation of rays that are too weak to matter.
     """
     before_m, passed_m = distance_across(first, source), distance_across(first, target)
-    face_m = hypot(last.p - first.p, last.q - first.q)
+    face_m, rise = face_width(first, last), target.z - source.z
     behind_m = face_m + distance_across(last, target)
-    rise, dp, dq = target.along - source.along, target.p - source.p, target.q - source.q
-    in_p, in_q = target.p + source.p - 2.0 * first.p, target.q + source.q - 2.0 * first.q
+    in_x = Vector(2.0 * first.x - source.x, source.y, source.z)
+    in_y = Vector(source.x, 2.0 * first.y - source.y, source.z)
     length_m = hypot(before_m + behind_m, rise)
     by_first_m = length_m - (behind_m - passed_m)
-    level = largest_edge_wave(by_first_m - math.sqrt(dp * dp + dq * dq + rise * rise))
-    level += largest_edge_wave(by_first_m - math.sqrt(in_p * in_p + dq * dq + rise * rise))
-    level += largest_edge_wave(by_first_m - math.sqrt(dp * dp + in_q * in_q + rise * rise))
+    level = largest_edge_wave(by_first_m - distance(source, target))
+    level += largest_edge_wave(by_first_m - distance(in_x, target))
+    level += largest_edge_wave(by_first_m - distance(in_y, target))
     if face_m > 0.0:
         level *= largest_edge_wave(behind_m - passed_m)
     rise_before_m = rise * before_m / (before_m + behind_m)
-    at = source.along + rise_before_m
+    at = source.z + rise_before_m
     shift_m = min(max(at, first.low), first.high) - at
     if shift_m != 0.0:
         by_end_m = hypot(before_m, rise_before_m + shift_m) + hypot(behind_m, rise - rise_before_m - shift_m)
@@ -387,54 +355,45 @@ def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: Edge
 
 
 @compiled_inner
-def edge_faces(edge: BoxEdge, source: EdgePoint, target: EdgePoint, material: Material) -> WedgeFaces:
+def edge_faces(edge: BoxEdge, source: Vector, target: Vector, material: Material) -> WedgeFaces:
     """Return the faces at an edge, with the angles of incidence that Luebbers uses.
 
     A face does not reflect a source that is mounted on it, because the mirror image is then part of the source. The
     extent of the face is not known here, so a source anywhere in its plane, on its side of the edge, counts as mounted
     on it.
     """
-    first = face_reflection(min(abs(source.p - edge.p) / distance_across(edge, source), 1.0), material)
-    last = face_reflection(min(abs(target.q - edge.q) / distance_across(edge, target), 1.0), material)
-    if abs(source.p - edge.p) <= OWN_FACE_M and (source.q - edge.q) * edge.out_q <= 0.0:
+    first = face_reflection(min(abs(source.x - edge.x) / distance_across(edge, source), 1.0), material)
+    last = face_reflection(min(abs(target.y - edge.y) / distance_across(edge, target), 1.0), material)
+    if abs(source.x - edge.x) <= OWN_FACE_M and (source.y - edge.y) * edge.out_y <= 0.0:
         first = Reflection(0j, 0j)
-    if abs(source.q - edge.q) <= OWN_FACE_M and (source.p - edge.p) * edge.out_p <= 0.0:
+    if abs(source.y - edge.y) <= OWN_FACE_M and (source.x - edge.x) * edge.out_x <= 0.0:
         last = Reflection(0j, 0j)
     return WedgeFaces(first, last, material.transmission)
 
 
 @compiled_inner
 def received_from_edge(
-    axis: Vector,
-    start: Vector,
-    first: Vector,
-    last: Vector,
-    target: Vector,
-    edge: Vector,
-    ray: EdgeRay,
-    ground: Material,
+    link: RadioLink, start: Vector, first: Vector, last: Vector, edge: Vector, ray: EdgeRay
 ) -> complex:
     """Return the signal of a circularly polarised antenna for a diffracted ray, relative to an equally long direct ray.
 
     Args:
-        axis: Polarisation of the source.
+        link: Source and target.
         start: Source, or its image in the ground if the ground reflects the ray. The reflection is then before the
             edges if these are above ground, and after them if they belong to the mirror image of the box.
         first: First diffraction point.
         last: Last diffraction point.
-        target: Middle of the array.
         edge: Unit vector along the edges.
         ray: The ray.
-        ground: Material of the ground.
     """
-    arriving, leaving = towards(start, first), towards(last, target)
+    arriving, leaving = towards(start, first), towards(last, link.target)
     if start.z >= 0.0:
-        field = diffracted(radiated(axis, arriving), arriving, leaving, edge, ray.soft, ray.hard)
+        field = diffracted(radiated(link.axis, arriving), arriving, leaving, edge, ray.soft, ray.hard)
         return received(field, leaving)
     arriving_down, leaving_down = mirror_in_ground(arriving), mirror_in_ground(leaving)
-    field = radiated(axis, arriving_down)
+    field = radiated(link.axis, arriving_down)
     if last.z >= 0.0:
-        field = reflected(field, arriving_down, arriving, UP, face_reflection(max(arriving.z, 0.0), ground))
+        field = reflected(field, arriving_down, arriving, UP, link.ground)
         return received(diffracted(field, arriving, leaving, edge, ray.soft, ray.hard), leaving)
     field = diffracted(field, arriving_down, leaving_down, mirror_in_ground(edge), ray.soft, ray.hard)
-    return received(reflected(field, leaving_down, leaving, UP, face_reflection(max(leaving.z, 0.0), ground)), leaving)
+    return received(reflected(field, leaving_down, leaving, UP, link.ground), leaving)

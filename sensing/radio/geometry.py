@@ -1,4 +1,4 @@
-"""Vectors, segments and upright solids for compiled functions."""
+"""Vectors, frames, segments and upright solids for compiled functions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 
@@ -24,7 +25,7 @@ value, the field behind a conducting cylinder is within 3 dB of the exact soluti
 
 
 class Vector(NamedTuple):
-    """Vector in the world frame."""
+    """Vector or point, in the world frame unless stated otherwise."""
 
     x: float
     y: float
@@ -32,6 +33,12 @@ class Vector(NamedTuple):
 
 
 UP = Vector(0.0, 0.0, 1.0)
+
+
+@compiled_inner
+def vector_of(array: FloatArray) -> Vector:
+    """Convert an array whose first three elements are the components of a vector."""
+    return Vector(array[0], array[1], array[2])
 
 
 @compiled
@@ -50,6 +57,13 @@ def hypot(first: float, second: float) -> float:
 def length(vector: Vector) -> float:
     """Return the Euclidean length."""
     return math.sqrt(dot(vector, vector))
+
+
+@compiled_inner
+def unit(vector: Vector) -> Vector:
+    """Return the unit vector along a vector."""
+    size = max(length(vector), TINY)
+    return Vector(vector.x / size, vector.y / size, vector.z / size)
 
 
 @compiled_inner
@@ -79,9 +93,7 @@ def point_between(start: Vector, end: Vector, share: float) -> Vector:
 @compiled
 def towards(start: Vector, end: Vector) -> Vector:
     """Return the unit vector from one point to another."""
-    step = minus(end, start)
-    step_m = max(length(step), TINY)
-    return Vector(step.x / step_m, step.y / step_m, step.z / step_m)
+    return unit(minus(end, start))
 
 
 @compiled_inner
@@ -99,16 +111,45 @@ def above_ground(point: Vector) -> Vector:
 @compiled
 def normal_to(first: Vector, second: Vector) -> Vector:
     """Return the unit vector along the cross product; for parallel vectors, a horizontal one normal to the first."""
-    x = first.y * second.z - first.z * second.y
-    y = first.z * second.x - first.x * second.z
-    z = first.x * second.y - first.y * second.x
-    size = math.sqrt(x * x + y * y + z * z)
-    if size < TINY:
-        x, y, z = -first.y, first.x, 0.0
-        size = math.sqrt(x * x + y * y)
-        if size < TINY:
-            x, y, size = 1.0, 0.0, 1.0
-    return Vector(x / size, y / size, z / size)
+    normal = Vector(
+        first.y * second.z - first.z * second.y,
+        first.z * second.x - first.x * second.z,
+        first.x * second.y - first.y * second.x,
+    )
+    if length(normal) < TINY:
+        normal = Vector(-first.y, first.x, 0.0)
+        if length(normal) < TINY:
+            normal = Vector(1.0, 0.0, 0.0)
+    return unit(normal)
+
+
+class Frame(NamedTuple):
+    """Axes of a frame, unit vectors in the world frame, and its origin."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+    origin: Vector
+
+
+@compiled_inner
+def frame_of(world_from_frame: FloatArray) -> Frame:
+    """Convert the transform from a frame to the world frame, shape (4, 4)."""
+    w = world_from_frame
+    return Frame(vector_of(w[:, 0]), vector_of(w[:, 1]), vector_of(w[:, 2]), vector_of(w[:, 3]))
+
+
+@compiled
+def to_frame(frame: Frame, point: Vector) -> Vector:
+    """Convert a point from the world frame to another frame."""
+    off = minus(point, frame.origin)
+    return Vector(dot(off, frame.x), dot(off, frame.y), dot(off, frame.z))
+
+
+@compiled
+def to_world(frame: Frame, point: Vector) -> Vector:
+    """Convert a point from another frame to the world frame."""
+    return shift(shift(shift(frame.origin, frame.x, point.x), frame.y, point.y), frame.z, point.z)
 
 
 class Segment(NamedTuple):
@@ -136,9 +177,8 @@ class Segment(NamedTuple):
 @compiled
 def segment(start: Vector, end: Vector) -> Segment:
     """Create the segment from one point to another."""
-    dx, dy, dz = minus(end, start)
-    horizontal_m = max(math.sqrt(dx * dx + dy * dy), TINY)
-    length_m = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx, dy, _ = minus(end, start)
+    horizontal_m, length_m = max(hypot(dx, dy), TINY), distance(start, end)
     clearance_m = CLEARANCE * math.sqrt(WAVELENGTH_M * length_m)
     return Segment(start, end, length_m, horizontal_m, dx / horizontal_m, dy / horizontal_m, clearance_m)
 
@@ -195,12 +235,8 @@ def footprint_interval(path: Segment, solid: UprightSolid) -> tuple[float, float
     The interval is in fractions of the segment from its start. If it is empty, the first value is larger than the
     second.
     """
-    x, y, dx, dy = (
-        path.start.x - solid.x,
-        path.start.y - solid.y,
-        path.end.x - path.start.x,
-        path.end.y - path.start.y,
-    )
+    x, y = path.start.x - solid.x, path.start.y - solid.y
+    dx, dy, _ = minus(path.end, path.start)
     if solid.radius_m > 0.0:
         along, speed = x * dx + y * dy, dx * dx + dy * dy
         outside = x * x + y * y - solid.radius_m * solid.radius_m
@@ -243,10 +279,8 @@ def crosses(path: Segment, solid: UprightSolid) -> bool:
 @compiled_inner
 def facing_box(path: Segment, solid: UprightSolid) -> UprightSolid:
     """Return the box whose edges diffract waves along a segment; for a cylinder, an inner box that faces the path."""
-    radius_m = solid.radius_m
+    x, y, _, _, _, _, radius_m, reach_m, bottom_m, top_m = solid
     if radius_m == 0.0:
         return solid
-    depth_m = math.sqrt(1.0 - FACING_WIDTH * FACING_WIDTH) * radius_m
-    ahead_x, ahead_y, bottom_m, top_m = path.ahead_x, path.ahead_y, solid.bottom_m, solid.top_m
-    half_y = FACING_WIDTH * radius_m
-    return UprightSolid(solid.x, solid.y, ahead_x, ahead_y, depth_m, half_y, 0.0, radius_m, bottom_m, top_m)
+    half_x, half_y = math.sqrt(1.0 - FACING_WIDTH * FACING_WIDTH) * radius_m, FACING_WIDTH * radius_m
+    return UprightSolid(x, y, path.ahead_x, path.ahead_y, half_x, half_y, 0.0, reach_m, bottom_m, top_m)

@@ -56,27 +56,19 @@ class Material(NamedTuple):
         return self.flat_share * min(1.2 * float(abs((1.0 - index) / (1.0 + index))), 1.0)
 
 
-def _p2040(a: float, b: float, c: float, d: float, loss_db: float, flat_share: float) -> Material:
-    """Create a material from the constants in ITU-R P.2040-3, table 3, with its eq. (28) and (29)."""
-    return Material.of_loss(a * FREQUENCY_GHZ**b, c * FREQUENCY_GHZ**d, loss_db, flat_share)
+METAL = Material.of_loss(1.0, 1e7, np.inf, flat_share=0.8)
+"""ITU-R P.2040-3, table 3, metal. Assumed: ribs and radiators scatter a fifth of the amplitude."""
 
-
-METAL = _p2040(1.0, 0.0, 1e7, 0.0, np.inf, flat_share=0.8)
-"""ITU-R P.2040, metal. Assumed: ribs and radiators scatter a fifth of the amplitude."""
-
-CONCRETE = _p2040(5.24, 0.0, 0.0462, 0.7822, 20.0, flat_share=1.0)
-"""ITU-R P.2040, concrete: 51 dB per metre of wall; a thickness of 0.4 m is assumed."""
-
-BRICK = _p2040(3.91, 0.0, 0.0238, 0.16, 4.0, flat_share=1.0)
-"""ITU-R P.2040, brick: 26 dB per metre of wall; a thickness of 0.15 m is assumed."""
+CONCRETE = Material.of_loss(5.24, 0.0462 * FREQUENCY_GHZ**0.7822, 20.0, flat_share=1.0)
+"""ITU-R P.2040-3, table 3 and eq. (29), concrete: 51 dB per metre of wall; a thickness of 0.4 m is assumed."""
 
 PORCELAIN = Material.of_loss(6.0, 0.0, 10.0, flat_share=1.0)
 """Assumed: permittivity 6. Much of a wave passes on both sides of a slender insulator with a metal core."""
 
-RACK = _p2040(1.0, 0.0, 1e7, 0.0, 10.0, flat_share=0.3)
+RACK = Material.of_loss(1.0, 1e7, 10.0, flat_share=0.3)
 """Assumed: units on an open frame, which attenuate in part and reflect in part."""
 
-MESH = _p2040(1.0, 0.0, 1e7, 0.0, 2.0, flat_share=0.2)
+MESH = Material.of_loss(1.0, 1e7, 2.0, flat_share=0.2)
 """Assumed: wire mesh with openings of a third of a wavelength transmits most of a wave."""
 
 KERB = Material.of_loss(5.24, 0.0, 1.0, flat_share=0.0)
@@ -108,5 +100,5 @@ KIND_MATERIALS: dict[str, Material] = {
 }
 """Material of every kind of equipment."""
 
-ROUND_MATERIALS: dict[str, Material] = {"circuit_breaker": PORCELAIN, "power_transformer": PORCELAIN}
-"""Material of the cylinders of a kind if it differs from that of its other parts: poles and bushings are insulators."""
+ROUND_MATERIALS = KIND_MATERIALS | {"circuit_breaker": PORCELAIN, "power_transformer": PORCELAIN}
+"""Material of the cylinders of every kind: poles and bushings are insulators."""

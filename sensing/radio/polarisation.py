@@ -10,24 +10,12 @@ import cmath
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled_inner
-from pdpatrol.sensing.radio.geometry import UP, Vector, normal_to
+from pdpatrol.sensing.radio.geometry import UP, Vector, dot, normal_to
 from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Material
 
 CONDUCTOR_SPM = 1e6
 """Conductivity above which a material counts as a perfect conductor. The Fresnel coefficients then differ from those of
 a perfect conductor by less than 0.001 up to an angle of 80 degrees."""
-
-
-class Emitter(NamedTuple):
-    """Radiating source.
-
-    Attributes:
-        at: Position.
-        axis: Direction of the linear polarisation, a unit vector.
-    """
-
-    at: Vector
-    axis: Vector
 
 
 class Field(NamedTuple):
@@ -88,31 +76,24 @@ def received(field: Field, ray: Vector) -> complex:
 
 
 @compiled_inner
-def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Reflection:
-    """Return the reflection coefficients of a smooth half-space: ITU-R P.2040-3, eq. (37).
+def face_reflection(cosine: float, material: Material) -> Reflection:
+    """Return the reflection coefficients of a face: ITU-R P.2040-3, eq. (37), reduced by the scattered share.
 
     Args:
         cosine: Cosine of the angle between ray and normal, in [0, 1].
-        permittivity: Real part of the relative permittivity.
-        conductivity_spm: Conductivity, S/m.
+        material: Material of the face.
     """
-    inside = permittivity - 1j * LOSS_FACTOR * conductivity_spm / FREQUENCY_GHZ
-    root = cmath.sqrt(inside - (1.0 - cosine * cosine))
-    return Reflection((cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root))
-
-
-@compiled_inner
-def face_reflection(cosine: float, material: Material) -> Reflection:
-    """Return the reflection coefficients of a face, reduced by the share of the wave that its roughness scatters."""
     share = material.flat_share
     if material.conductivity_spm >= CONDUCTOR_SPM:
         return Reflection(complex(-share), complex(share))
-    smooth = fresnel(cosine, material.permittivity, material.conductivity_spm)
-    return Reflection(share * smooth.perpendicular, share * smooth.parallel)
+    inside = material.permittivity - 1j * LOSS_FACTOR * material.conductivity_spm / FREQUENCY_GHZ
+    root = cmath.sqrt(inside - (1.0 - cosine * cosine))
+    perpendicular, parallel = (cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root)
+    return Reflection(share * perpendicular, share * parallel)
 
 
 @compiled_inner
-def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, reflection: Reflection) -> Field:
+def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, material: Material) -> Field:
     """Return the field after reflection by a mirror.
 
     Args:
@@ -120,9 +101,9 @@ def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, r
         arriving: Unit vector of the arriving ray.
         leaving: Unit vector of the leaving ray.
         normal: Normal of the mirror, on the side of the rays.
-        reflection: Coefficients of the mirror.
+        material: Material of the mirror.
     """
-    across = normal_to(arriving, normal)
+    across, reflection = normal_to(arriving, normal), face_reflection(abs(dot(arriving, normal)), material)
     perpendicular = reflection.perpendicular * component(field, across)
     parallel = reflection.parallel * component(field, normal_to(arriving, across))
     return superpose(perpendicular, across, parallel, normal_to(leaving, across))

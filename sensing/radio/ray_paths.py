@@ -6,56 +6,51 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.diffraction import (
     box_edge,
-    edge_axes,
     edge_faces,
+    edge_frame,
     is_hidden,
     largest_level,
     received_from_edge,
     round_one,
     round_two,
-    to_edge,
-    to_world,
 )
 from pdpatrol.sensing.radio.geometry import (
     TINY,
+    UP,
     Vector,
     above_ground,
     distance,
     facing_box,
     mirror_in_ground,
     segment,
+    to_frame,
+    to_world,
     towards,
+    vector_of,
 )
 from pdpatrol.sensing.radio.materials import Material
-from pdpatrol.sensing.radio.polarisation import Emitter, radiated, received
+from pdpatrol.sensing.radio.polarisation import radiated, received
 from pdpatrol.sensing.radio.reflection import (
     Mirror,
-    Obstruction,
+    face_mirror,
     face_point,
+    plane_point,
     reflect_by_cylinder,
     reflect_by_two_faces,
     reflect_once,
     reflect_with_ground,
-    rim_factor,
+    two_face_points,
 )
-from pdpatrol.sensing.radio.surroundings import (
-    GROUND,
-    NO_SOLID,
-    Row,
-    Rows,
-    Surroundings,
-    material_of,
-    normal_of,
-    solid_of,
-)
+from pdpatrol.sensing.radio.surroundings import GROUND, Row, Rows, Surroundings, material_of, solid_of
 from pdpatrol.sensing.radio.transmission import (
+    RIM_M,
     SHADOW,
+    RadioLink,
     bent_transmission,
     cast_shadows,
     direct_transmission,
@@ -93,116 +88,76 @@ class RayPaths(NamedTuple):
 
     Attributes:
         rows: Rows of `PATH`.
-        first: First path of each source, shape (n_sources,).
-        n_paths: Number of paths of each source, shape (n_sources,).
+        first: First path of each source, and the number of all paths, shape (n_sources + 1,).
     """
 
     rows: Rows
     first: IntArray
-    n_paths: IntArray
-
-    @property
-    def from_m(self) -> FloatArray:
-        """Points that the paths seem to come from, shape (n_paths, 3); see `PATH`."""
-        return np.column_stack([self.rows["x"], self.rows["y"], self.rows["z"]])
-
-    @property
-    def extra_m(self) -> FloatArray:
-        """Lengths of the paths up to the last point of diffraction, shape (n_paths,); 0 without diffraction."""
-        return self.rows["extra_m"]
-
-    @property
-    def coefficient(self) -> NDArray[np.complex128]:
-        """Signal of a circularly polarised antenna relative to a direct path of the same length, shape (n_paths,)."""
-        return self.rows["coefficient"]
 
 
 @compiled_inner
-def add_path(paths: Rows, n: int, at: Vector, extra_m: float, coefficient: complex, target: Vector) -> int:
+def add_path(link: RadioLink, n: int, at: Vector, extra_m: float, coefficient: complex) -> int:
     """Write a path into row n, and return the number of paths."""
-    path = paths[n]
+    path = link.paths[n]
     path.x, path.y, path.z = at
     path.extra_m, path.coefficient = extra_m, coefficient
-    path.level = abs(coefficient) / (extra_m + distance(at, target))
+    path.level = abs(coefficient) / (extra_m + distance(at, link.target))
     return n + 1
 
 
 @compiled_inner
-def strongest_level(paths: Rows, n: int) -> float:
-    """Return the largest level of the first n paths, or 0."""
-    strongest = 0.0
-    for i in range(n):
-        strongest = max(strongest, paths[i].level)
-    return strongest
+def is_upright(face: Row) -> bool:
+    """Return whether a face is upright."""
+    return face.normal[2] == 0.0
 
 
 @compiled_inner
-def add_face(
-    emitter: Emitter,
-    target: Vector,
-    face: Row,
-    ground: Material,
-    with_ground: bool,
-    around: Obstruction,
-    paths: Rows,
-    n: int,
-) -> int:
-    """Add the path reflected by a face, or by an upright face and the ground, and return the number of paths."""
-    source = mirror_in_ground(emitter.at) if with_ground else emitter.at
-    image, at, rim_m = face_point(face, source, target)
-    if rim_m < 0.0:
-        return n
-    around = Obstruction(around.obstacles, around.shadows, face.solid, around.least)
-    if with_ground:
-        coefficient = reflect_with_ground(emitter, target, at, face, ground, around)
-    else:
-        mirror = Mirror(at, normal_of(face), material_of(face))
-        coefficient = reflect_once(emitter, target, mirror, face.owner == GROUND, around)
-    return add_path(paths, n, image, 0.0, coefficient if face.diffracts else coefficient * rim_factor(rim_m), target)
+def add_faces(link: RadioLink, faces: Rows, least: float, n: int) -> int:
+    """Add the paths reflected by a face, or by an upright face and the ground, and return the number of paths."""
+    for f in range(faces.size):
+        face = faces[f]
+        for with_ground in (False, True):
+            if with_ground and not is_upright(face):
+                continue
+            source = mirror_in_ground(link.source) if with_ground else link.source
+            image, at, rim_m = face_point(face, source, link.target)
+            if rim_m < 0.0:
+                continue
+            if with_ground:
+                coefficient = reflect_with_ground(link, at, face, least)
+            else:
+                coefficient = reflect_once(link, face_mirror(face, at), face.solid, least)
+            n = add_path(
+                link, n, image, 0.0, coefficient if face.diffracts else coefficient * smooth_step(rim_m / RIM_M)
+            )
+    return n
 
 
 @compiled_inner
-def is_wall(face: Row) -> bool:
-    """Return whether a face is upright and reflects."""
-    return face.owner != GROUND and face.normal_z == 0.0 and face.flat_share > 0.0
-
-
-@compiled_inner
-def add_box(
-    emitter: Emitter,
-    target: Vector,
-    by_ground: bool,
-    ground: Material,
-    around: Obstruction,
-    strongest: float,
-    paths: Rows,
-    n: int,
-) -> tuple[int, float]:
+def add_box(link: RadioLink, own: int, by_ground: bool, least: float, strongest: float, n: int) -> tuple[int, float]:
     """Add the paths diffracted around the edges of a box, attenuated by all other obstacles.
 
     Args:
-        emitter: Source.
-        target: Middle of the array.
+        link: Source, target and obstacles.
+        own: Index of the box, or of a cylinder whose inscribed box diffracts in its place.
         by_ground: True for the paths that are also reflected by the ground.
-        ground: Material of the ground.
-        around: Obstacles; `around.own` is the box, or a cylinder whose inscribed box diffracts in its place.
+        least: Amplitude at the array, relative to that 1 m from the source, below which a path is ignored.
         strongest: Largest level of any path so far; the level of a diffracted path counts twice, because an edge halves
             the wave that it blocks.
-        paths: Filled in from row n on.
         n: Number of paths so far.
 
     Returns:
         Number of paths, and the largest level including the new paths.
     """
-    obstacle = around.obstacles[around.own]
+    obstacle = link.obstacles[own]
     material = material_of(obstacle)
     if obstacle.radius_m > 0.0:  # the reflection by a cylinder is a separate path
         material = Material(material.permittivity, material.conductivity_spm, material.transmission, 0.0)
-    start = mirror_in_ground(emitter.at) if by_ground else emitter.at
-    box = facing_box(segment(start, target), solid_of(obstacle))
+    start = mirror_in_ground(link.source) if by_ground else link.source
+    box = facing_box(segment(start, link.target), solid_of(obstacle))
     for family in range(3):
-        axes = edge_axes(box, family)
-        source, goal = to_edge(axes, start), to_edge(axes, target)
+        frame = edge_frame(box, family)
+        source, target = to_frame(frame, start), to_frame(frame, link.target)
         n_edges = 4 if family == 0 or by_ground else 2
         for i in range(n_edges):
             first = box_edge(box, family, i)
@@ -212,108 +167,93 @@ def add_box(
                 j = (i + step) % 4
                 if j >= n_edges or (family > 0 and (i < 2) != (j < 2)):  # only across the upper or the lower face
                     continue
-                last, least = box_edge(box, family, j), max(WEAKEST * strongest, around.least)
-                if is_hidden(last, goal) or largest_level(first, last, source, goal) < least:
+                last, weakest = box_edge(box, family, j), max(WEAKEST * strongest, least)
+                if is_hidden(last, target) or largest_level(first, last, source, target) < weakest:
                     continue
-                faces = edge_faces(first, source, goal, material)
+                faces = edge_faces(first, source, target, material)
                 if step == 0:
-                    ray = round_one(first, source, goal, faces)
+                    ray = round_one(first, source, target, faces)
                 else:
-                    ray = round_two(first, last, box_edge(box, family, (j + step) % 4), source, goal, faces)
-                length_m = ray.before_m + ray.between_m + ray.behind_m
-                if math.sqrt(2.0) * max(abs(ray.soft), abs(ray.hard)) < least * length_m:
+                    ray = round_two(first, last, box_edge(box, family, (j + step) % 4), source, target, faces)
+                length_m = ray.before_m + ray.behind_m
+                if math.sqrt(2.0) * max(abs(ray.soft), abs(ray.hard)) < weakest * length_m:
                     continue
-                bends_first = to_world(axes, first.p, first.q, ray.first)
-                bends_last = to_world(axes, last.p, last.q, ray.last)
-                coefficient = received_from_edge(
-                    emitter.axis, start, bends_first, bends_last, target, axes.edge, ray, ground
-                )
-                least *= length_m / max(abs(coefficient), TINY)
-                if least > 1.0:
+                bends_first = to_world(frame, Vector(first.x, first.y, ray.first))
+                bends_last = to_world(frame, Vector(last.x, last.y, ray.last))
+                coefficient = received_from_edge(link, start, bends_first, bends_last, frame.z, ray)
+                weakest *= length_m / max(abs(coefficient), TINY)
+                if weakest > 1.0:
                     continue
-                to_first = segment(emitter.at, above_ground(bends_first))
-                from_last = segment(above_ground(bends_last), target)
-                coefficient *= bent_transmission(
-                    to_first, from_last, around.obstacles, around.own, around.shadows, least
-                )
-                n = add_path(paths, n, bends_last, ray.before_m + ray.between_m, coefficient, target)
+                to_first = segment(link.source, above_ground(bends_first))
+                from_last = segment(above_ground(bends_last), link.target)
+                coefficient *= bent_transmission(to_first, from_last, link, own, weakest)
+                n = add_path(link, n, bends_last, ray.before_m, coefficient)
                 strongest = max(strongest, 2.0 * abs(coefficient) / length_m)
     return n, strongest
 
 
 @compiled_inner
-def add_edges(
-    emitter: Emitter, target: Vector, ground: Material, around: Obstruction, strongest: float, paths: Rows, n: int
-) -> tuple[int, float]:
+def add_edges(link: RadioLink, least: float, strongest: float, n: int) -> tuple[int, float]:
     """Add the paths around the edges of all boxes; arguments and results as in `add_box`.
 
     Paths reflected by the ground are longer and weaker than the others. Assumed: if no path around an obstacle is
     strong enough without the ground, even in the absence of other obstacles, none is with it. The obstacle with the
     deepest shadow is first, because paths around it are strong, so that more of the other paths can be skipped.
     """
-    obstacles, shadows, deepest = around.obstacles, around.shadows, 0
-    for k in range(obstacles.size):
-        if shadows[k].parameter > shadows[deepest].parameter:
+    n_obstacles, deepest = link.obstacles.size, 0
+    for k in range(n_obstacles):
+        if link.shadows[k].parameter > link.shadows[deepest].parameter:
             deepest = k
-    for i in range(obstacles.size):
-        k = (deepest + i) % obstacles.size
-        if not obstacles[k].diffracts:
-            continue
-        own, n_before = Obstruction(obstacles, shadows, k, around.least), n
-        for by_ground in (False, True):
-            if not by_ground or (n > n_before and ground.flat_share > 0.0):
-                n, strongest = add_box(emitter, target, by_ground, ground, own, strongest, paths, n)
+    for i in range(n_obstacles):
+        k = (deepest + i) % n_obstacles
+        if link.obstacles[k].diffracts:
+            n_before = n
+            n, strongest = add_box(link, k, False, least, strongest, n)
+            if n > n_before:
+                n, strongest = add_box(link, k, True, least, strongest, n)
     return n, strongest
 
 
 @compiled_inner
-def trace(
-    emitter: Emitter, target: Vector, least: float, surroundings: Surroundings, shadows: Rows, paths: Rows
-) -> int:
+def trace(link: RadioLink, faces: Rows, second_order: bool, least: float) -> int:
     """Find all paths of one source.
 
     Args:
-        emitter: Source.
-        target: Middle of the array.
+        link: Source, target and obstacles; `shadows` and `paths` are filled in.
+        faces: Flat reflecting faces, rows of `FACE`.
+        second_order: Whether rays reflected by two upright faces are included.
         least: Amplitude at the array, relative to that 1 m from the source, below which a path is ignored.
-        surroundings: Faces and solids.
-        shadows: Scratch space, a row of `SHADOW` for each obstacle.
-        paths: Filled in, rows of `PATH`.
 
     Returns:
         Number of paths.
     """
-    faces, ground, obstacles, second_order = surroundings
-    cast_shadows(segment(emitter.at, target), obstacles, shadows)
-    ray = towards(emitter.at, target)
-    direct = direct_transmission(emitter.at, target, 0.0, obstacles) * received(radiated(emitter.axis, ray), ray)
-    n = add_path(paths, 0, emitter.at, 0.0, direct, target)
+    source, target, paths = link.source, link.target, link.paths
+    cast_shadows(link)
+    ray = towards(source, target)
+    direct = direct_transmission(source, target, 0.0, link.obstacles) * received(radiated(link.axis, ray), ray)
+    n = add_path(link, 0, source, 0.0, direct)
+    image, at, rim_m = plane_point(Vector(0.0, 0.0, 0.0), UP, source, target)
+    if rim_m > 0.0:
+        weakest = max(10.0 ** (-(GROUND_FADE_DB + FADE_OVER_DB) / 20.0) * paths[0].level, least)
+        n = add_path(link, n, image, 0.0, reflect_once(link, Mirror(at, UP, link.ground), GROUND, weakest))
+    n_direct_and_ground, weakest = n, max(WEAKEST * paths["level"][:n].max(), least)
+    n = add_faces(link, faces, weakest, n)
 
-    n_direct_and_ground, around = n, Obstruction(obstacles, shadows, NO_SOLID, least)
-    for is_ground in (True, False):
-        faintest = 10.0 ** (-(GROUND_FADE_DB + FADE_OVER_DB) / 20.0) if is_ground else WEAKEST
-        around = Obstruction(obstacles, shadows, NO_SOLID, max(faintest * strongest_level(paths, n), least))
-        for f in range(faces.size):
-            if (faces[f].owner == GROUND) == is_ground and faces[f].flat_share > 0.0:
-                for with_ground in (False, True):
-                    if not with_ground or (is_wall(faces[f]) and ground.flat_share > 0.0):
-                        n = add_face(emitter, target, faces[f], ground, with_ground, around, paths, n)
-        if is_ground:
-            n_direct_and_ground = n
-
-    strongest = strongest_level(paths, n)
+    strongest = paths["level"][:n].max()
     weakest = max(WEAKEST * strongest, least)
     if second_order:
         for f in range(faces.size):
             for g in range(faces.size):
-                if f != g and is_wall(faces[f]) and is_wall(faces[g]):
-                    coefficient, image = reflect_by_two_faces(emitter, target, faces[f], faces[g], obstacles, weakest)
-                    n = add_path(paths, n, image, 0.0, coefficient, target)
-    for k in range(obstacles.size):
-        if obstacles[k].radius_m > 0.0:
-            coefficient, image = reflect_by_cylinder(emitter, target, Obstruction(obstacles, shadows, k, weakest))
-            n = add_path(paths, n, image, 0.0, coefficient, target)
-    n, strongest = add_edges(emitter, target, ground, around, strongest, paths, n)
+                if f != g and is_upright(faces[f]) and is_upright(faces[g]):
+                    at_first, at_second = two_face_points(faces[f], faces[g], source, target)
+                    if min(at_first.rim_m, at_second.rim_m) >= 0.0:
+                        coefficient = reflect_by_two_faces(link, faces[f], faces[g], at_first, at_second, weakest)
+                        n = add_path(link, n, at_second.image, 0.0, coefficient)
+    for k in range(link.obstacles.size):
+        if link.obstacles[k].radius_m > 0.0:
+            coefficient, image = reflect_by_cylinder(link, k, weakest)
+            n = add_path(link, n, image, 0.0, coefficient)
+    n, strongest = add_edges(link, least, strongest, n)
 
     n_kept = 0
     for i in range(n):
@@ -341,19 +281,15 @@ def find_ray_paths(
         target: Middle of the array.
         surroundings: Faces and solids.
     """
-    faces, obstacles, n_sources = surroundings.faces, surroundings.obstacles, least.size
-    n_most, shadows = 1 + 2 * faces.size, np.empty(obstacles.size, SHADOW)
-    for k in range(obstacles.size):
-        n_most += 1 + 48 * obstacles[k].diffracts  # 12 upright and 8 horizontal; 12 and 16 with ground reflection
-    if surroundings.second_order:
-        n_most += faces.size * (faces.size - 1)
-    paths = np.empty(n_most * (least < np.inf).sum(), PATH)
-    first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
-    n = 0
-    for s in range(n_sources):
+    faces, ground, obstacles, second_order = surroundings
+    n_most = 2 + 2 * faces.size + second_order * faces.size**2 + obstacles.size
+    n_most += 48 * obstacles["diffracts"].sum()  # 12 upright and 8 horizontal; 12 and 16 with ground reflection
+    paths, shadows = np.empty(n_most * (least < np.inf).sum(), PATH), np.empty(obstacles.size, SHADOW)
+    first, n = np.zeros(least.size + 1, np.intp), 0
+    for s in range(least.size):
         if least[s] < np.inf:
-            source = Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2])
-            emitter = Emitter(source, Vector(axes[s, 0], axes[s, 1], axes[s, 2]))
-            first[s], n_paths[s] = n, trace(emitter, target, least[s], surroundings, shadows, paths[n:])
-            n += n_paths[s]
-    return RayPaths(paths[:n], first, n_paths)
+            source, axis = vector_of(sources_m[s]), vector_of(axes[s])
+            link = RadioLink(source, axis, target, ground, obstacles, shadows, paths[n:])
+            n += trace(link, faces, second_order, least[s])
+        first[s + 1] = n
+    return RayPaths(paths[:n], first)

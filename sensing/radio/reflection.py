@@ -23,21 +23,14 @@ from pdpatrol.sensing.radio.geometry import (
     segment,
     shift,
     towards,
+    vector_of,
 )
 from pdpatrol.sensing.radio.materials import Material
-from pdpatrol.sensing.radio.polarisation import Emitter, face_reflection, radiated, received, reflected
-from pdpatrol.sensing.radio.surroundings import (
-    GROUND,
-    Row,
-    Rows,
-    centre_of,
-    material_of,
-    normal_of,
-    rim_distance,
-    solid_of,
-)
+from pdpatrol.sensing.radio.polarisation import radiated, received, reflected
+from pdpatrol.sensing.radio.surroundings import GROUND, Row, material_of, rim_distance
 from pdpatrol.sensing.radio.transmission import (
     RIM_M,
+    RadioLink,
     bent_transmission,
     ground_transmission,
     segment_transmission,
@@ -77,22 +70,6 @@ class SpecularPoint(NamedTuple):
     rim_m: float
 
 
-class Obstruction(NamedTuple):
-    """Obstacles that may attenuate a reflected or diffracted ray.
-
-    Attributes:
-        obstacles: All obstacles.
-        shadows: Their effects on the direct path, rows of `SHADOW`.
-        own: Index of the obstacle that reflects or diffracts the ray, or `NO_SOLID`.
-        least: Amplitude at the array, relative to that 1 m from the source, below which rays are ignored.
-    """
-
-    obstacles: Rows
-    shadows: Rows
-    own: int
-    least: float
-
-
 @compiled_inner
 def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> SpecularPoint:
     """Find the reflection point of a plane through a point; the normal points to the side of source and target."""
@@ -106,7 +83,7 @@ def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> S
 @compiled_inner
 def face_point(face: Row, source: Vector, target: Vector) -> SpecularPoint:
     """Find the reflection point of a face; if the source is an image in the ground, the face includes its own image."""
-    point = plane_point(centre_of(face), normal_of(face), source, target)
+    point = plane_point(vector_of(face.centre_m), vector_of(face.normal), source, target)
     if point.rim_m < 0.0:
         return point
     on_face = above_ground(point.at) if source.z < 0.0 else point.at
@@ -114,9 +91,9 @@ def face_point(face: Row, source: Vector, target: Vector) -> SpecularPoint:
 
 
 @compiled_inner
-def rim_factor(rim_m: float) -> float:
-    """Return the factor by which a reflection near the rim fades if the edges of the face do not diffract."""
-    return smooth_step(rim_m / RIM_M)
+def face_mirror(face: Row, at: Vector) -> Mirror:
+    """Return the mirror that a face forms at a point."""
+    return Mirror(at, vector_of(face.normal), material_of(face))
 
 
 @compiled_inner
@@ -126,100 +103,93 @@ def off_mirror(mirror: Mirror) -> Vector:
 
 
 @compiled_inner
-def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bool, around: Obstruction) -> complex:
-    """Return the coefficient of a ray reflected once: its signal relative to a direct ray of the same length."""
-    arriving, leaving = towards(emitter.at, mirror.at), towards(mirror.at, target)
-    reflection = face_reflection(abs(dot(leaving, mirror.normal)), mirror.material)
-    field = reflected(radiated(emitter.axis, arriving), arriving, leaving, mirror.normal, reflection)
+def reflect_once(link: RadioLink, mirror: Mirror, own: int, least: float) -> complex:
+    """Return the coefficient of a ray reflected once: its signal relative to a direct ray of the same length.
+
+    Args:
+        link: Source, target and obstacles.
+        mirror: The mirror, at the reflection point.
+        own: Index of the obstacle that reflects, or `GROUND`.
+        least: Amplitude at the array, relative to that 1 m from the source, below which the ray is ignored.
+    """
+    arriving, leaving = towards(link.source, mirror.at), towards(mirror.at, link.target)
+    field = reflected(radiated(link.axis, arriving), arriving, leaving, mirror.normal, mirror.material)
     coefficient = received(field, leaving)
-    first, last = segment(emitter.at, off_mirror(mirror)), segment(off_mirror(mirror), target)
-    least = around.least * (first.length_m + last.length_m) / max(abs(coefficient), TINY)
+    first, last = segment(link.source, off_mirror(mirror)), segment(off_mirror(mirror), link.target)
+    least *= (first.length_m + last.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
         return 0j
-    if is_ground:  # edges that block this path add their own ground-reflected rays
-        return coefficient * ground_transmission(first, last, around.obstacles)
-    return coefficient * bent_transmission(first, last, around.obstacles, around.own, around.shadows, least)
+    if own == GROUND:  # edges that block this path add their own ground-reflected rays
+        return coefficient * ground_transmission(first, last, link.obstacles)
+    return coefficient * bent_transmission(first, last, link, own, least)
 
 
 @compiled_inner
-def reflect_twice(
-    emitter: Emitter, target: Vector, first: Mirror, second: Mirror
-) -> tuple[complex, Segment, Segment, Segment]:
+def reflect_twice(link: RadioLink, first: Mirror, second: Mirror) -> tuple[complex, Segment, Segment, Segment]:
     """Return the coefficient of a ray reflected twice, as in `reflect_once` but without obstacles, and its segments."""
-    arriving, between, leaving = (
-        towards(emitter.at, first.at),
-        towards(first.at, second.at),
-        towards(second.at, target),
-    )
-    reflection = face_reflection(abs(dot(arriving, first.normal)), first.material)
-    field = reflected(radiated(emitter.axis, arriving), arriving, between, first.normal, reflection)
-    reflection = face_reflection(abs(dot(between, second.normal)), second.material)
-    field = reflected(field, between, leaving, second.normal, reflection)
+    arriving, leaving = towards(link.source, first.at), towards(second.at, link.target)
+    between = towards(first.at, second.at)
+    field = reflected(radiated(link.axis, arriving), arriving, between, first.normal, first.material)
+    field = reflected(field, between, leaving, second.normal, second.material)
     at_first, at_second = off_mirror(first), off_mirror(second)
-    first_segment, last_segment = segment(emitter.at, at_first), segment(at_second, target)
+    first_segment, last_segment = segment(link.source, at_first), segment(at_second, link.target)
     return received(field, leaving), first_segment, segment(at_first, at_second), last_segment
 
 
 @compiled_inner
-def reflect_with_ground(
-    emitter: Emitter, target: Vector, at: Vector, face: Row, ground: Material, around: Obstruction
-) -> complex:
+def reflect_with_ground(link: RadioLink, at: Vector, face: Row, least: float) -> complex:
     """Return the coefficient of a ray reflected by an upright face and the ground.
 
     Args:
-        emitter: Source.
-        target: Middle of the array.
+        link: Source, target and obstacles.
         at: Point where the ray from the source's image in the ground meets the face (above ground, if the ground
             reflects first) or the face's own image in the ground (below ground, if the ground reflects last).
         face: The face.
-        ground: Material of the ground.
-        around: Obstacles; `own` is the solid that the face bounds.
+        least: As in `reflect_once`.
     """
-    start, wall = mirror_in_ground(emitter.at), Mirror(above_ground(at), normal_of(face), material_of(face))
+    start, wall = mirror_in_ground(link.source), face_mirror(face, above_ground(at))
     if at.z >= 0.0:
-        bounce = Mirror(point_between(start, at, start.z / (start.z - at.z)), UP, ground)
-        coefficient, first, second, last = reflect_twice(emitter, target, bounce, wall)
+        bounce = Mirror(point_between(start, at, start.z / (start.z - at.z)), UP, link.ground)
+        coefficient, first, second, last = reflect_twice(link, bounce, wall)
     else:
-        bounce = Mirror(point_between(at, target, at.z / (at.z - target.z)), UP, ground)
-        coefficient, first, second, last = reflect_twice(emitter, target, wall, bounce)
-    least = around.least * (first.length_m + second.length_m + last.length_m) / max(abs(coefficient), TINY)
+        bounce = Mirror(point_between(at, link.target, at.z / (at.z - link.target.z)), UP, link.ground)
+        coefficient, first, second, last = reflect_twice(link, wall, bounce)
+    least *= (first.length_m + second.length_m + last.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
         return 0j
-    total = segment_transmission(second, around.obstacles, around.own, least)
+    total = segment_transmission(second, link.obstacles, face.solid, least)
     if total > 0.0:
-        total *= bent_transmission(first, last, around.obstacles, around.own, around.shadows, least / total)
+        total *= bent_transmission(first, last, link, face.solid, least / total)
     return coefficient * total
 
 
 @compiled_inner
+def two_face_points(first: Row, second: Row, source: Vector, target: Vector) -> tuple[SpecularPoint, SpecularPoint]:
+    """Find the reflection points of two faces in turn; the image in the second point is that in both faces."""
+    image = face_point(first, source, shift(source, vector_of(first.normal), TINY)).image
+    at_second = face_point(second, image, target)
+    return face_point(first, source, at_second.at), at_second
+
+
+@compiled_inner
 def reflect_by_two_faces(
-    emitter: Emitter, target: Vector, first: Row, second: Row, obstacles: Rows, least: float
-) -> tuple[complex, Vector]:
-    """Return the coefficient of a ray reflected by two upright faces in turn, and the image of the source in both.
+    link: RadioLink, first: Row, second: Row, at_first: SpecularPoint, at_second: SpecularPoint, least: float
+) -> complex:
+    """Return the coefficient of a ray reflected by two upright faces in turn, at their `two_face_points`.
 
     The reflection fades out towards the rims of both faces, because rays that are diffracted by one face and reflected
-    by the other are not traced.
+    by the other are not traced. For `least`, see `reflect_once`.
     """
-    image = face_point(first, emitter.at, shift(emitter.at, normal_of(first), TINY)).image
-    at_second = face_point(second, image, target)
-    if at_second.rim_m < 0.0:
-        return 0j, image
-    at_first = face_point(first, emitter.at, at_second.at)
-    if at_first.rim_m < 0.0:
-        return 0j, image
     coefficient, before, between, behind = reflect_twice(
-        emitter,
-        target,
-        Mirror(at_first.at, normal_of(first), material_of(first)),
-        Mirror(at_second.at, normal_of(second), material_of(second)),
+        link, face_mirror(first, at_first.at), face_mirror(second, at_second.at)
     )
-    coefficient *= rim_factor(at_first.rim_m) * rim_factor(at_second.rim_m)
+    coefficient *= smooth_step(at_first.rim_m / RIM_M) * smooth_step(at_second.rim_m / RIM_M)
     least *= (before.length_m + between.length_m + behind.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
-        return 0j, image
-    coefficient *= segment_transmission(before, obstacles, first.solid, least)
-    coefficient *= segment_transmission(between, obstacles, first.solid, least)
-    return coefficient * segment_transmission(behind, obstacles, second.solid, least), at_second.image
+        return 0j
+    coefficient *= segment_transmission(before, link.obstacles, first.solid, least)
+    coefficient *= segment_transmission(between, link.obstacles, first.solid, least)
+    return coefficient * segment_transmission(behind, link.obstacles, second.solid, least)
 
 
 @compiled_inner
@@ -251,38 +221,36 @@ def cylinder_normal(x: float, y: float, radius_m: float, source: Vector, target:
 
 
 @compiled_inner
-def reflect_by_cylinder(emitter: Emitter, target: Vector, around: Obstruction) -> tuple[complex, Vector]:
+def reflect_by_cylinder(link: RadioLink, own: int, least: float) -> tuple[complex, Vector]:
     """Return the coefficient of a ray reflected by an upright cylinder, and the source's image in the tangent plane.
 
     Args:
-        emitter: Source.
-        target: Middle of the array.
-        around: Obstacles; `own` is the cylinder.
+        link: Source, target and obstacles.
+        own: Index of the cylinder.
+        least: As in `reflect_once`.
 
     References:
         McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction (1990), section
         3.4: caustic distance behind a curved mirror, here in the plane perpendicular to the cylinder's axis.
     """
-    cylinder, source = around.obstacles[around.own], emitter.at
-    solid, none = solid_of(cylinder), (0j, emitter.at)
-    x, y, radius_m = solid.x, solid.y, solid.radius_m
+    cylinder, source, target, none = link.obstacles[own], link.source, link.target, (0j, link.source)
+    x, y, radius_m = cylinder.x, cylinder.y, cylinder.radius_m
     before_m, behind_m = hypot(source.x - x, source.y - y) - radius_m, hypot(target.x - x, target.y - y) - radius_m
     if before_m <= OWN_FACE_M or behind_m <= 0.0:
         return none
     most = cylinder.largest_reflection * math.sqrt(0.5 * radius_m / (before_m * behind_m * (before_m + behind_m)))
-    if most <= around.least:
+    if most <= least:
         return none
     normal = cylinder_normal(x, y, radius_m, source, target)
     x, y = x + radius_m * normal.x, y + radius_m * normal.y
     before_m, behind_m = hypot(source.x - x, source.y - y), hypot(target.x - x, target.y - y)
     z = source.z + before_m / (before_m + behind_m) * (target.z - source.z)
     point = plane_point(Vector(x, y, z), normal, source, target)
-    rim_m = min(z - solid.bottom_m, solid.top_m - z)
+    rim_m = min(z - cylinder.bottom_m, cylinder.top_m - z)
     if point.rim_m < 0.0 or rim_m <= 0.0:
         return none
     cosine = 0.5 * distance(source, point.image) / before_m
     caustic_m = 1.0 / (1.0 / before_m + 2.0 / (radius_m * cosine))
     spread = math.sqrt(caustic_m * (before_m + behind_m) / (before_m * (caustic_m + behind_m)))
-    mirror = Mirror(point.at, normal, material_of(cylinder))
-    coefficient = reflect_once(emitter, target, mirror, cylinder.owner == GROUND, around)
-    return rim_factor(rim_m) * spread * coefficient, point.image
+    coefficient = reflect_once(link, Mirror(point.at, normal, material_of(cylinder)), own, least)
+    return smooth_step(rim_m / RIM_M) * spread * coefficient, point.image

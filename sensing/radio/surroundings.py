@@ -10,44 +10,40 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
-from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, shift
+from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, dot, minus, vector_of
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material
 
-GROUND, NO_SOLID = -1, -1
-"""Owner of the face of the ground; and index that stands for "no solid"."""
+GROUND = -1
+"""Index that stands for the ground instead of a solid."""
 
-_MATERIAL_COLUMNS = [(name, np.float64) for name in Material._fields]
+_MATERIAL_COLUMNS = [
+    *((name, np.float64) for name in (*Material._fields, "largest_reflection")),
+    ("diffracts", np.bool_),
+]
 
 FACE = np.dtype(
     (
         np.record,
         [
-            *((name, np.float64) for name in ("x", "y", "z", "normal_x", "normal_y", "normal_z")),
-            *((f"{axis}_{name}", np.float64) for axis in ("first", "second") for name in ("x", "y", "z", "half_m")),
-            *_MATERIAL_COLUMNS,
-            ("owner", np.intp),
+            ("centre_m", np.float64, 3),
+            ("normal", np.float64, 3),
+            ("sides", np.float64, (2, 3)),
+            ("half_size_m", np.float64, 2),
             ("solid", np.intp),
-            ("diffracts", np.bool_),
+            *_MATERIAL_COLUMNS,
         ],
     )
 )
-"""Row of a flat reflecting rectangle (see `flat_face`), with its `Material`, the index of the solid that it bounds or
-`NO_SOLID`, and whether the edges of that solid diffract."""
+"""Row of a flat reflecting rectangle (see `flat_face`) with the properties of its `Material`."""
 
 OBSTACLE = np.dtype(
     (
         np.record,
-        [
-            *((name, np.float64) for name in UprightSolid._fields),
-            *_MATERIAL_COLUMNS,
-            ("largest_reflection", np.float64),
-            ("owner", np.intp),
-            ("diffracts", np.bool_),
-        ],
+        [*((name, np.float64) for name in UprightSolid._fields), ("owner", np.intp), *_MATERIAL_COLUMNS],
     )
 )
-"""Row of an `UprightSolid` with its `Material`, `largest_reflection` and `diffracts` of that material, and the index of
-the piece of equipment to which it belongs. A single array of rows is faster for compiled functions than many arrays."""
+"""Row of an `UprightSolid` with the properties of its `Material`, and the index of the piece of equipment to which it
+belongs. A single array of rows is faster for compiled functions than many arrays."""
 
 Rows = NDArray[Any]
 Row = Any
@@ -83,72 +79,61 @@ def upright_solids(
     return rows
 
 
-def flat_face(
-    centre_m: ArrayLike,
-    normal: ArrayLike,
-    sides: ArrayLike,
-    half_size_m: tuple[float, float],
-    owner: int,
-    solid: int = NO_SOLID,
-) -> Rows:
+def flat_face(centre_m: ArrayLike, normal: ArrayLike, sides: ArrayLike, half_size_m: ArrayLike, solid: int) -> Rows:
     """Create one row of `FACE`, without material.
 
     Args:
         centre_m: Centre, shape (3,), world frame.
         normal: Unit vector out of the equipment, shape (3,).
         sides: Unit vectors along the two sides, shape (2, 3).
-        half_size_m: Half the length of the two sides; may be infinite.
-        owner: Index of the piece of equipment; `GROUND` for the ground.
-        solid: Index of the solid that the face bounds, or `NO_SOLID`.
+        half_size_m: Half the length of the two sides, shape (2,).
+        solid: Index of the solid that the face bounds.
     """
     row = np.zeros(1, FACE)
-    vectors = np.asarray([centre_m, normal, *np.asarray(sides)])
-    for name, vector in zip(("{}", "normal_{}", "first_{}", "second_{}"), vectors, strict=True):
-        for axis, component in zip("xyz", vector, strict=True):
-            row[name.format(axis)] = component
-    row["first_half_m"], row["second_half_m"] = half_size_m
-    row["owner"], row["solid"] = owner, solid
+    row["centre_m"], row["normal"], row["sides"] = centre_m, normal, sides
+    row["half_size_m"], row["solid"] = half_size_m, solid
     return row
 
 
-def ground_face() -> Rows:
-    """Create the face of the ground."""
-    return flat_face(np.zeros(3), np.eye(3)[2], np.eye(3)[:2], (np.inf, np.inf), GROUND)
-
-
 def faces_of(solids: Rows) -> Rows:
-    """Create the faces of the ground and of the four sides and the top of every box; cylinders have no flat face."""
-    faces = [ground_face()]
-    for k in np.flatnonzero(solids["radius_m"] == 0).tolist():
-        x, y, cos, sin, half_x, half_y, _, _, bottom_m, top_m = solids[k].tolist()[: len(UprightSolid._fields)]
-        half_z, ahead, left, up = 0.5 * (top_m - bottom_m), (cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)
-        for sign, normal, depth_m, sides, half_size_m in (
-            (1, ahead, half_x, (left, up), (half_y, half_z)),
-            (-1, ahead, half_x, (left, up), (half_y, half_z)),
-            (1, left, half_y, (ahead, up), (half_x, half_z)),
-            (-1, left, half_y, (ahead, up), (half_x, half_z)),
-            (1, up, half_z, (ahead, left), (half_x, half_y)),
-        ):
-            out = sign * np.array(normal)
-            centre_m = np.array([x, y, bottom_m + half_z]) + depth_m * out
-            faces.append(flat_face(centre_m, out, sides, half_size_m, int(solids["owner"][k]), k))
+    """Create the faces of all boxes that reflect, four sides and the top; cylinders have no flat face."""
+    faces = [np.empty(0, FACE)]
+    for k in np.flatnonzero((solids["radius_m"] == 0.0) & (solids["flat_share"] > 0.0)).tolist():
+        box = solids[k]
+        axes = np.array([[box.cos, box.sin, 0.0], [-box.sin, box.cos, 0.0], [0.0, 0.0, 1.0]])
+        half_m = np.array([box.half_x, box.half_y, 0.5 * (box.top_m - box.bottom_m)])
+        for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1)):
+            normal = sign * axes[axis]
+            centre_m = [box.x, box.y, box.bottom_m + half_m[2]] + half_m[axis] * normal
+            face = flat_face(centre_m, normal, np.delete(axes, axis, axis=0), np.delete(half_m, axis), k)
+            for name, _ in _MATERIAL_COLUMNS:
+                face[name] = box[name]
+            faces.append(face)
     return np.concatenate(faces)
 
 
+def made_of(rows: Rows, materials: Sequence[Material]) -> Rows:
+    """Return rows of `FACE` or `OBSTACLE` with the properties of the materials, one for each row."""
+    rows = rows.copy()
+    for name, _ in _MATERIAL_COLUMNS:
+        rows[name] = [getattr(material, name) for material in materials]
+    return rows
+
+
 class Surroundings(NamedTuple):
-    """Faces and solids with their materials.
+    """Faces and solids with their materials; by default free space, without a ground.
 
     Attributes:
-        faces: Flat reflecting faces including the ground, rows of `FACE`.
+        faces: Flat reflecting faces, rows of `FACE`.
         ground: Material of the ground; without a ground, one that does not reflect.
         obstacles: Solids of the equipment, rows of `OBSTACLE`.
         second_order: Whether rays reflected by two upright faces are included.
     """
 
-    faces: Rows
-    ground: Material
-    obstacles: Rows
-    second_order: bool
+    faces: Rows = np.empty(0, FACE)
+    ground: Material = GRAVEL._replace(flat_share=0.0)
+    obstacles: Rows = np.empty(0, OBSTACLE)
+    second_order: bool = False
 
     @classmethod
     def of_kinds(cls, kinds: Sequence[str], solids: Rows, *, second_order: bool = False) -> Self:
@@ -157,49 +142,11 @@ class Surroundings(NamedTuple):
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
         """
-        flat = [KIND_MATERIALS[kind] for kind in kinds]
-        curved = [ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]) for kind in kinds]
-        made = cls.of_materials(flat, faces_of(solids), solids, curved=curved)
-        return made._replace(second_order=second_order)
-
-    @classmethod
-    def of_materials(
-        cls,
-        materials: Sequence[Material],
-        faces: Rows | None = None,
-        solids: Rows | None = None,
-        ground: Material = GRAVEL,
-        curved: Sequence[Material] | None = None,
-    ) -> Self:
-        """Create surroundings from the material of each piece of equipment.
-
-        Args:
-            materials: Material of each piece of equipment.
-            faces: Reflecting faces; None for none.
-            solids: Solids of the equipment; None for none.
-            ground: Material of the ground.
-            curved: Material of the cylinders of each piece; None to use that of the piece.
-        """
-        faces = np.empty(0, FACE) if faces is None else faces.copy()
-        solids = np.empty(0, OBSTACLE) if solids is None else solids.copy()
-        if GROUND not in faces["owner"]:
-            ground = ground._replace(flat_share=0.0)
-        of_faces = [[*materials, ground][piece] for piece in faces["owner"]]  # the owner of the ground is -1
-        of_solids = [
-            (curved or materials if radius_m > 0.0 else materials)[piece]
-            for piece, radius_m in zip(solids["owner"], solids["radius_m"], strict=True)
+        materials = [
+            (ROUND_MATERIALS if solid.radius_m > 0.0 else KIND_MATERIALS)[kinds[int(solid.owner)]] for solid in solids
         ]
-        for rows, of_rows in ((faces, of_faces), (solids, of_solids)):
-            for name in (*Material._fields, "diffracts"):
-                rows[name] = [getattr(material, name) for material in of_rows]
-        faces["diffracts"] &= faces["solid"] != NO_SOLID
-        solids["largest_reflection"] = [material.largest_reflection for material in of_solids]
-        return cls(faces, ground, solids, second_order=False)
-
-    @classmethod
-    def free_space(cls) -> Self:
-        """Create empty surroundings, without a ground."""
-        return cls.of_materials([])
+        obstacles = made_of(solids, materials)
+        return cls(faces_of(obstacles), GRAVEL, obstacles, second_order)
 
 
 @compiled
@@ -216,24 +163,11 @@ def material_of(row: Row) -> Material:
 
 
 @compiled_inner
-def centre_of(face: Row) -> Vector:
-    """Return the centre of a face."""
-    return Vector(face.x, face.y, face.z)
-
-
-@compiled_inner
-def normal_of(face: Row) -> Vector:
-    """Return the normal of a face, a unit vector that points out of the equipment."""
-    return Vector(face.normal_x, face.normal_y, face.normal_z)
-
-
-@compiled_inner
 def rim_distance(face: Row, point: Vector) -> float:
     """Return the distance, in metres, of a point in the plane of a face from the rim of the face; negative outside."""
-    off = shift(point, centre_of(face), -1.0)
-    first_m = abs(off.x * face.first_x + off.y * face.first_y + off.z * face.first_z)
-    second_m = abs(off.x * face.second_x + off.y * face.second_y + off.z * face.second_z)
-    return min(face.first_half_m - first_m, face.second_half_m - second_m)
+    off = minus(point, vector_of(face.centre_m))
+    first_m, second_m = abs(dot(off, vector_of(face.sides[0]))), abs(dot(off, vector_of(face.sides[1])))
+    return min(face.half_size_m[0] - first_m, face.half_size_m[1] - second_m)
 
 
 def level_transform(pose: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ treated as a knife edge.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,15 +20,17 @@ from pdpatrol.sensing.radio.geometry import (
     UprightSolid,
     Vector,
     crosses,
+    distance,
     facing_box,
     footprint_interval,
     is_near,
     length_inside,
     point_between,
     segment,
+    vector_of,
 )
-from pdpatrol.sensing.radio.materials import WAVELENGTH_M
-from pdpatrol.sensing.radio.surroundings import NO_SOLID, Row, Rows, Surroundings, solid_of
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M, Material
+from pdpatrol.sensing.radio.surroundings import Row, Rows, Surroundings, solid_of
 
 CLEAR = -0.78
 """Diffraction parameter below which an edge does not attenuate (ITU-R P.526)."""
@@ -39,6 +42,28 @@ rises to its full value. Assumed."""
 SHADOW = np.dtype((np.record, [("parameter", np.float64), ("transmission", np.float64)]))
 """Effect of a diffracting obstacle on the direct path: its `shadow_parameter` and `transmission_through`. They are -inf
 and 1 for an obstacle that does not diffract."""
+
+
+class RadioLink(NamedTuple):
+    """One source and one array, with all that affects the waves between them.
+
+    Attributes:
+        source: Position of the source.
+        axis: Direction of its linear polarisation, a unit vector.
+        target: Middle of the array.
+        ground: Material of the ground.
+        obstacles: All obstacles.
+        shadows: Effects of the obstacles on the direct path, rows of `SHADOW`.
+        paths: Paths found so far, and room for more; rows of `ray_paths.PATH`.
+    """
+
+    source: Vector
+    axis: Vector
+    target: Vector
+    ground: Material
+    obstacles: Rows
+    shadows: Rows
+    paths: Rows
 
 
 @compiled_inner
@@ -64,12 +89,9 @@ def knife_edge_amplitude(parameter: float) -> float:
 
 
 @compiled_inner
-def parameter_at(path: Segment, x: float, y: float, z: float) -> float:
+def parameter_at(path: Segment, point: Vector) -> float:
     """Return the unsigned diffraction parameter of the detour from a segment via a point."""
-    start, end = path.start, path.end
-    before_m = math.sqrt((x - start.x) ** 2 + (y - start.y) ** 2 + (z - start.z) ** 2)
-    behind_m = math.sqrt((x - end.x) ** 2 + (y - end.y) ** 2 + (z - end.z) ** 2)
-    return diffraction_parameter(before_m + behind_m - path.length_m)
+    return diffraction_parameter(distance(path.start, point) + distance(point, path.end) - path.length_m)
 
 
 @compiled_inner
@@ -93,7 +115,8 @@ def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float
             x, y = solid.x + solid.cos * p - solid.sin * q, solid.y + solid.sin * p + solid.cos * q
         dx, dy = x - start.x, y - start.y
         share = min(max((dx * path.ahead_x + dy * path.ahead_y) / path.horizontal_m, 0.0), 1.0)
-        parameter = parameter_at(path, x, y, min(max(start.z + share * rise, solid.bottom_m), solid.top_m))
+        z = min(max(start.z + share * rise, solid.bottom_m), solid.top_m)
+        parameter = parameter_at(path, Vector(x, y, z))
         nearest = min(nearest, parameter)
         if dy * path.ahead_x - dx * path.ahead_y > 0.0:
             left = max(left, parameter)
@@ -107,10 +130,9 @@ def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float
         return -np.inf
     over, clear = 0.0, np.inf
     for share in (enters, leaves):
-        along_m = share * path.horizontal_m
-        x, y = start.x + along_m * path.ahead_x, start.y + along_m * path.ahead_y
-        parameter = parameter_at(path, x, y, solid.top_m)
-        if start.z + share * rise < solid.top_m:
+        at = point_between(start, path.end, share)
+        parameter = parameter_at(path, Vector(at.x, at.y, solid.top_m))
+        if at.z < solid.top_m:
             over, clear = max(over, parameter), 0.0
         else:
             clear = min(clear, parameter)
@@ -146,8 +168,8 @@ def transmission_through(path: Segment, obstacle: Row) -> float:
 
 @compiled_inner
 def begins_piece(obstacles: Rows, k: int) -> bool:
-    """Return whether obstacle k belongs to a different piece of equipment than obstacle k - 1."""
-    return k > 0 and obstacles[k].owner != obstacles[k - 1].owner
+    """Return whether obstacle k belongs to a different piece of equipment than obstacle k - 1; -1 is the last one."""
+    return obstacles[k].owner != obstacles[k - 1].owner
 
 
 @compiled_inner
@@ -189,7 +211,7 @@ def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: fl
     Args:
         path: The segment.
         obstacles: All obstacles.
-        skipped: Index of an obstacle to ignore, or `NO_SOLID`.
+        skipped: Index of the obstacle to ignore, the one that the reflecting face bounds.
         least: Results below are returned as 0.
     """
     total, of_piece = 1.0, 1.0
@@ -204,16 +226,16 @@ def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: fl
 
 
 @compiled_inner
-def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
-    """Compute the effect of every obstacle on the direct path, and store it in the rows of `shadows`."""
-    for k in range(obstacles.size):
-        shadows[k].parameter, shadows[k].transmission = -np.inf, 1.0
-        if obstacles[k].diffracts:
-            box = facing_box(direct, solid_of(obstacles[k]))
-            shadows[k].parameter = shadow_parameter(
-                direct, box, 2.4 * direct.clearance_m
-            )  # beyond, it is below CLEAR - 1
-            shadows[k].transmission = transmission_through(direct, obstacles[k])
+def cast_shadows(link: RadioLink) -> None:
+    """Compute the effect of every obstacle on the direct path, and store it in `link.shadows`."""
+    direct = segment(link.source, link.target)
+    near_m = 2.4 * direct.clearance_m  # beyond, the parameter is below CLEAR - 1
+    for k in range(link.obstacles.size):
+        obstacle, shadow = link.obstacles[k], link.shadows[k]
+        shadow.parameter, shadow.transmission = -np.inf, 1.0
+        if obstacle.diffracts:
+            shadow.parameter = shadow_parameter(direct, facing_box(direct, solid_of(obstacle)), near_m)
+            shadow.transmission = transmission_through(direct, obstacle)
 
 
 @compiled_inner
@@ -237,25 +259,24 @@ def blocking_weight(of_ray: float, of_other: float) -> float:
 
 
 @compiled_inner
-def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, shadows: Rows, least: float) -> float:
+def bent_transmission(first: Segment, last: Segment, link: RadioLink, own: int, least: float) -> float:
     """Return the transmission of a diffracted or reflected ray past all obstacles except the one that turns it.
 
     Args:
         first: Segment from the source to the obstacle that diffracts or reflects.
         last: Segment from there to the target.
-        obstacles: All obstacles.
-        own: Index of the obstacle that diffracts or reflects, or `NO_SOLID`.
-        shadows: Effects of the obstacles on the direct path, rows of `SHADOW`.
+        link: Source, target and obstacles.
+        own: Index of the obstacle that diffracts or reflects; negative for a face without a solid behind it.
         least: Results below are returned as 0.
     """
-    total, of_piece = 1.0, 1.0
+    obstacles, shadows, total, of_piece = link.obstacles, link.shadows, 1.0, 1.0
     for k in range(obstacles.size):
         if begins_piece(obstacles, k):
             total, of_piece = total * of_piece, 1.0
         if k == own:
             continue
         past = transmission_past(first, obstacles[k]) * transmission_past(last, obstacles[k])
-        blocked = 0.0 if own == NO_SOLID else blocking_weight(shadows[own].parameter, shadows[k].parameter)
+        blocked = blocking_weight(shadows[own].parameter, shadows[k].parameter) if own >= 0 else 0.0
         if blocked > 0.0:
             past += blocked * (shadows[k].transmission - past)
         of_piece = min(of_piece, past)
@@ -264,17 +285,16 @@ def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, 
     return total * of_piece
 
 
-class Sight:
+class Sight(NamedTuple):
     """Transmission of the direct path in given surroundings.
 
     The simulation of waves and a robot that has a map use the same model.
 
-    Args:
+    Attributes:
         surroundings: Faces and solids.
     """
 
-    def __init__(self, surroundings: Surroundings) -> None:
-        self._obstacles = surroundings.obstacles
+    surroundings: Surroundings
 
     def __call__(self, places_m: FloatArray, target_m: FloatArray, within_m: float = 0.0) -> FloatArray:
         """Return the amplitude of direct waves relative to that in free space, in [0, 1]; 0 behind metal.
@@ -289,19 +309,13 @@ class Sight:
         Returns:
             Relative amplitudes, shape (n,).
         """
-        return direct_transmissions(
-            np.ascontiguousarray(places_m, np.float64),
-            np.ascontiguousarray(target_m, np.float64),
-            float(within_m),
-            self._obstacles,
-        )
+        return direct_transmissions(places_m, target_m, within_m, self.surroundings.obstacles)
 
 
 @compiled
 def direct_transmissions(places_m: FloatArray, target_m: FloatArray, within_m: float, obstacles: Rows) -> FloatArray:
     """Return the `direct_transmission` from each position."""
-    result, target = np.empty(len(places_m)), Vector(target_m[0], target_m[1], target_m[2])
+    result = np.empty(len(places_m))
     for i in range(len(places_m)):
-        place = Vector(places_m[i, 0], places_m[i, 1], places_m[i, 2])
-        result[i] = direct_transmission(place, target, within_m, obstacles)
+        result[i] = direct_transmission(vector_of(places_m[i]), vector_of(target_m), within_m, obstacles)
     return result

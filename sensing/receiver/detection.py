@@ -185,7 +185,7 @@ def detect(
         if s == FALSE_ALARM:
             sample_false_alarm(sampler, channels, rng, gate_v)
         else:
-            of_source = slice(ray_paths.first[s], ray_paths.first[s] + ray_paths.n_paths[s])
+            of_source = slice(ray_paths.first[s], ray_paths.first[s + 1])
             signal = Signal(peak_v[k], float(burst_s[s]), delay_s[of_source], amplitude[of_source])
             outcome = sample_emission(signal, peak[of_source], peak_s[of_source], sampler, channels, rng, gate_v)
             n_rejected += outcome == IS_BURST

@@ -15,9 +15,9 @@ from pdpatrol.sensing import (
     Surroundings,
     level_transform,
 )
-from pdpatrol.sensing.radio.materials import METAL
+from pdpatrol.sensing.radio.materials import GRAVEL
 from pdpatrol.sensing.receiver.bank import listen_once
-from tests.sensing.scenes import on_the_ground, wall_face
+from tests.sensing.scenes import wall_face
 
 pytestmark = pytest.mark.benchmark
 
@@ -30,7 +30,7 @@ OVER_FREQUENCY = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np
 
 def ground_and_wall() -> Surroundings:
     """Make the ground, and a wall half a metre behind the array: both reflections arrive within the gate."""
-    return Surroundings.of_materials([METAL], on_the_ground(wall_face((-0.5, 0.0, 2.0), (1.0, 0.0), (5.0, 2.0))))
+    return Surroundings(wall_face((-0.5, 0.0, 2.0), (1.0, 0.0), (5.0, 2.0)), GRAVEL)
 
 
 def seconds_a_pulse(amplitude_v: float, array: HelicalArray = REAL) -> tuple[float, float]:

@@ -3,15 +3,22 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.sensing import Surroundings, upright_solids
-from pdpatrol.sensing.radio.materials import Material
-from pdpatrol.sensing.radio.surroundings import Rows, flat_face, ground_face
+from pdpatrol.sensing.radio.materials import METAL, Material
+from pdpatrol.sensing.radio.ray_paths import RayPaths
+from pdpatrol.sensing.radio.surroundings import Rows, flat_face, made_of
+
+NO_SOLID = -2
 
 
-def wall_face(centre_m: ArrayLike, normal: tuple[float, float], half_m: tuple[float, float]) -> Rows:
-    """Make one upright face; `half_m` is half its length and half its height."""
+def wall_face(
+    centre_m: ArrayLike, normal: tuple[float, float], half_m: tuple[float, float], material: Material = METAL
+) -> Rows:
+    """Make one upright face without a solid behind it; `half_m` is half its length and half its height."""
     x, y = normal
-    return flat_face(centre_m, (x, y, 0.0), ((-y, x, 0.0), (0.0, 0.0, 1.0)), half_m, 0)
+    face = flat_face(centre_m, (x, y, 0.0), ((-y, x, 0.0), (0.0, 0.0, 1.0)), half_m, NO_SOLID)
+    return made_of(face, [material._replace(transmission=1.0)])
 
 
 def solids_at(
@@ -41,20 +48,18 @@ def wall_across(x: float, half_length: float = 1.0) -> Rows:
     return solids_at((x, 0.0), half_m=(0.2, half_length))
 
 
-def on_the_ground(wall: Rows) -> Rows:
-    """Return the faces of the ground and a wall."""
-    return np.concatenate([ground_face(), wall])
-
-
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
     """Make a material that reflects a fixed fraction of every wave and transmits the rest with a loss."""
     return Material.of_loss(1.0, 1e12, loss_db, flat_share)
 
 
-def around(loss_db: float, faces: Rows | None = None, solids: Rows | None = None, **share: float) -> Surroundings:
-    """Make one piece of equipment with a loss, and faces; `wall` and `ground` are their reflected shares."""
-    ground = lossy(0.0, share.get("ground", 0.0))
-    pieces = [lossy(loss_db, share.get("wall", 0.0))]
-    made = Surroundings.of_materials(pieces, faces, solids, ground)
-    made.obstacles["diffracts"] = False
-    return made
+def around(loss_db: float, solids: Rows, face: Rows) -> Surroundings:
+    """Make solids with a loss, whose edges do not diffract, and a face."""
+    obstacles = made_of(solids, [lossy(loss_db)] * solids.size)
+    obstacles["diffracts"] = False
+    return Surroundings(face, obstacles=obstacles)
+
+
+def origins_m(paths: RayPaths) -> FloatArray:
+    """Return the points that paths seem to come from, shape (n_paths, 3)."""
+    return np.column_stack([paths.rows[axis] for axis in "xyz"])

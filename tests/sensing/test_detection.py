@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from pdpatrol.sensing import Surroundings
-from pdpatrol.sensing.radio.surroundings import Rows, ground_face
+from pdpatrol.sensing.radio.surroundings import Rows
 from tests.sensing.listening import listen, source_at
-from tests.sensing.scenes import around, wall_across, wall_face
+from tests.sensing.scenes import around, lossy, wall_across, wall_face
 
 
 def wall_at(y_m: float) -> Rows:
-    return wall_face((5.0, y_m, 2.0), (0.0, 1.0), (20.0, 3.0))
+    return wall_face((5.0, y_m, 2.0), (0.0, 1.0), (20.0, 3.0), lossy(0.0, 0.8))
 
 
 def tank_and_wall() -> Surroundings:
     """Make a tank on the direct path with 25 dB of loss, and a wall whose reflection is 22 dB above the direct path."""
-    return around(25.0, wall_at(-3.75), wall_across(5.0, 0.5), wall=0.8)
+    return around(25.0, wall_across(5.0, 0.5), wall_at(-3.75))
 
 
 def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n: int = 1000) -> float:
@@ -36,8 +36,8 @@ def test_detection_rate_increases_with_level() -> None:
     levels_db = np.arange(-6.0, 41.0, 2.0)
     for seed in range(50):
         rng = np.random.default_rng(seed)
-        echoing = around(0.0, wall_at(-rng.uniform(0.5, 12.0)), wall=0.8)
-        surroundings = [around(0.0, ground_face(), ground=0.3), echoing, tank_and_wall()][seed % 3]
+        echoing = Surroundings(wall_at(-rng.uniform(0.5, 12.0)))
+        surroundings = [Surroundings(ground=lossy(0.0, 0.3)), echoing, tank_and_wall()][seed % 3]
         random_db = levels_db + rng.uniform(-1.0, 1.0)
         shares = [share_detected(0.02 * 10 ** (x / 20), surroundings, seed, 300) for x in random_db]
         highest = np.maximum.accumulate(shares)

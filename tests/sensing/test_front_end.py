@@ -20,13 +20,13 @@ from pdpatrol.sensing import (
     level_transform,
 )
 from pdpatrol.sensing.nature.pulses import damped_pulse
-from pdpatrol.sensing.radio.materials import METAL
+from pdpatrol.sensing.radio.materials import GRAVEL
 from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing import reference_receiver
 from tests.sensing.listening import arrivals_of, noise_of
-from tests.sensing.scenes import on_the_ground, wall_face
+from tests.sensing.scenes import wall_face
 
 N_SHOTS, N_PLAIN = 20_000, 600
 RATE_HZ, BAND_HZ = 20e9, (1.4e9, 2.2e9)
@@ -77,7 +77,7 @@ def test_detections_match_reference_receiver(scene_number: int) -> None:
     wall_m, azimuth = rng.uniform(1.0, 6.0), rng.uniform(-np.pi, np.pi)
     turn = level_transform(np.array([0.0, 0.0, azimuth]))[:3, :3]
     wall = wall_face(turn @ [-wall_m, 0.0, 2.0], (turn[0, 0], turn[1, 0]), (20.0, 4.0))
-    around = Surroundings.of_materials([METAL], on_the_ground(wall))
+    around = Surroundings(wall, GRAVEL)
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e4, n_shots=1)

@@ -20,6 +20,7 @@ from pdpatrol.sensing import (
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS, ElementConfig
 from pdpatrol.sensing.radio.arrivals import arrive
+from pdpatrol.sensing.radio.geometry import Frame, Vector
 from pdpatrol.sensing.radio.ray_paths import PATH, RayPaths
 from pdpatrol.sensing.receiver.front_end import PHASES
 from pdpatrol.sensing.receiver.receiver import Receiver
@@ -41,8 +42,8 @@ def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: f
     row = np.zeros(1, PATH)
     row["x"], row["y"], row["z"] = from_m
     row["coefficient"] = 1.0
-    paths = RayPaths(row, np.zeros(1, np.intp), np.ones(1, np.intp))
-    arrivals = arrive(paths, np.eye(4), ArrayTable.of(array, grid=RECEIVER.grid(array)))
+    paths, axes = RayPaths(row, np.array([0, 1])), (Vector(*axis) for axis in [*np.eye(3), np.zeros(3)])
+    arrivals = arrive(paths, Frame(*axes), ArrayTable.of(array, grid=RECEIVER.grid(array)))
     volts, pulse = np.zeros((array.n_elements, n_samples)), RECEIVER.sampler(array).pulse
     for e in range(array.n_elements):
         add_emission(volts[e], e, start_s, Signal(1.0, 0.0, arrivals.delay_s, arrivals.amplitude), pulse)

@@ -21,7 +21,7 @@ from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing import reference_receiver
 from tests.sensing.listening import NOMINAL, listen, listener, noise_of, source_at
-from tests.sensing.scenes import around, wall_across, wall_face
+from tests.sensing.scenes import around, lossy, wall_across, wall_face
 
 
 def test_pulse_has_unit_peak_and_lasts_2_5_ns() -> None:
@@ -141,8 +141,8 @@ def test_listener_keeps_rates_and_restarts_on_step_back() -> None:
 
 def test_gate_follows_first_path_not_strongest() -> None:
     source = source_at(8.0, 0.0, amplitude_v=2.7)
-    to_the_left = wall_face((4.0, 6.0, 2.0), (0.0, -1.0), (5.0, 2.0))
-    surroundings = around(12.0, to_the_left, wall_across(4.0), wall=0.8)
+    to_the_left = wall_face((4.0, 6.0, 2.0), (0.0, -1.0), (5.0, 2.0), lossy(0.0, 0.8))
+    surroundings = around(12.0, wall_across(4.0), to_the_left)
     detected = listen(source, duration_s=0.1, surroundings=surroundings, false_alarm_rate_hz=1e-6)
     ahead, left = detected.pulses.strengths_v[:, 1:3].min(axis=-1), detected.pulses.strengths_v[:, 0]
     assert ahead.size > 50

@@ -66,7 +66,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
         is_exact: Leave out the errors of array and poses and the ground, so that only noise remains.
     """
     scenario = empty_yard(n_sources, is_exact)
-    surroundings = Surroundings.free_space() if is_exact else surroundings_of(scenario.yard)
+    surroundings = Surroundings() if is_exact else surroundings_of(scenario.yard)
     generators = Generators.spawn(np.random.default_rng(seed))
     sources_m, loop = _draw_places(scenario.yard.size_m, n_sources, generators.policy)
     names = [source.name for source in scenario.sources]

@@ -30,7 +30,7 @@ def emitted_on(day: str) -> Emissions:
     sources = ({**WEST, "growth_db_per_week": 3.0}, EAST)
     settings = {"sources": sources, "campaign.begins": "2026-03-02", "campaign.date": day}
     scenario, generators = load_scenario("two_sources", settings), Generators.spawn(np.random.default_rng(11))
-    episode = Episode.draw(scenario, Surroundings.free_space(), generators, ResetOptions())
+    episode = Episode.draw(scenario, Surroundings(), generators, ResetOptions())
     return episode.listener.scene.draw(0.0, 5.0, generators.nature)
 
 

@@ -10,12 +10,12 @@ from scipy.special import jv
 
 from pdpatrol.sensing.radio.diffraction import (
     BoxEdge,
-    EdgePoint,
     WedgeFaces,
     knife_edge,
     round_two,
     wedge_coefficients,
 )
+from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.polarisation import Reflection
 from pdpatrol.sensing.radio.transmission import knife_edge_amplitude
@@ -67,11 +67,11 @@ CORNERS = [BoxEdge(p * HALF_P, q * HALF_Q, p, q, -TOP, TOP) for p, q in ((1.0, 1
 def test_two_edges_match_p526() -> None:
     """Two isolated edges, section 4.4.2: the product of both and its correction, 3 dB; waves across the edges."""
     for source_q, target_q in ((-1.0, -1.0), (-3.0, -2.0), (0.0, -2.5)):
-        source, target = EdgePoint(-8.0, source_q, 1.0), EdgePoint(7.0, target_q, 1.0)
+        source, target = Vector(-8.0, source_q, 1.0), Vector(7.0, target_q, 1.0)
         ray = round_two(CORNERS[1], CORNERS[0], CORNERS[3], source, target, METAL)
         a, b, c = math.dist(source[:2], (-HALF_P, HALF_Q)), 2 * HALF_P, math.dist(target[:2], (HALF_P, HALF_Q))
 
-        def nu(before: EdgePoint, at: tuple[float, float], behind: tuple[float, float]) -> float:
+        def nu(before: Vector, at: tuple[float, float], behind: tuple[float, float]) -> float:
             detour_m = math.dist(before[:2], at) + math.dist(at, behind) - math.dist(before[:2], behind)
             return 2 * math.sqrt(detour_m / WAVELENGTH_M)
 

@@ -14,11 +14,11 @@ from pdpatrol.sensing import (
     level_transform,
 )
 from pdpatrol.sensing.radio.geometry import Vector
-from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
+from pdpatrol.sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
-from pdpatrol.sensing.radio.surroundings import faces_of
+from pdpatrol.sensing.radio.surroundings import faces_of, made_of
 from tests.sensing.listening import NOMINAL, listen
-from tests.sensing.scenes import solids_at
+from tests.sensing.scenes import origins_m, solids_at
 
 KNOWN = ArrayModel(manifold=NOMINAL.manifold(), positions_m=NOMINAL.positions_m, spread=ElementSpread())
 MIDDLE = np.array([12.0, 12.0])
@@ -27,17 +27,23 @@ K = 2 * np.pi / WAVELENGTH_M
 
 def next_to_tank(length_m: float, width_m: float, height_m: float, yaw_rad: float) -> Surroundings:
     x, y = MIDDLE
-    tank = solids_at((x, y), half_m=(0.5 * length_m, 0.5 * width_m), top_m=height_m, yaw_rad=yaw_rad)
-    return Surroundings.of_materials([METAL], faces_of(tank), tank)
+    solids = solids_at((x, y), half_m=(0.5 * length_m, 0.5 * width_m), top_m=height_m, yaw_rad=yaw_rad)
+    tank = made_of(solids, [METAL])
+    return Surroundings(faces_of(tank), GRAVEL, tank)
 
 
 def turned(angle_rad: float) -> FloatArray:
     return np.array([np.cos(angle_rad), np.sin(angle_rad)])
 
 
+def lengths_m(paths: RayPaths, target: Vector) -> FloatArray:
+    """Return the length of each path."""
+    return paths.rows["extra_m"] + np.linalg.norm(origins_m(paths) - np.array(target), axis=1)
+
+
 def levels(paths: RayPaths, target: Vector) -> FloatArray:
     """Return the amplitude of each path at the array."""
-    return np.abs(paths.coefficient) / (paths.extra_m + np.linalg.norm(paths.from_m - np.array(target), axis=1))
+    return np.abs(paths.rows["coefficient"]) / lengths_m(paths, target)
 
 
 def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
@@ -59,8 +65,8 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
         )
         target = Vector(robot[0], robot[1], 0.6)
         found = find_ray_paths(gun.position_m[np.newaxis], gun.axis[np.newaxis], np.zeros(1), target, surroundings)
-        level, bearing = levels(found, target), np.arctan2(*(found.from_m[:, :2] - robot).T[::-1])
-        if level.size == 0 or not found.extra_m[level.argmax()] > 0.0:
+        level, bearing = levels(found, target), np.arctan2(*(origins_m(found)[:, :2] - robot).T[::-1])
+        if level.size == 0 or not found.rows["extra_m"][level.argmax()] > 0.0:
             continue  # direct or reflected
         strongest_rad = bearing[level.argmax()]
         is_edge = np.abs(difference(bearing, strongest_rad)) < np.radians(1.0)
@@ -96,11 +102,10 @@ def field_along(surroundings: Surroundings, source: FloatArray, at: FloatArray) 
     for i, (x, y) in enumerate(at):
         target = Vector(x, y, 0.6)
         paths = find_ray_paths(source[np.newaxis], axis, np.zeros(1), target, surroundings)
-        to_image = paths.from_m - np.array(target)
-        length_m = paths.extra_m + np.linalg.norm(to_image, axis=1)
+        to_image, length_m = origins_m(paths) - np.array(target), lengths_m(paths, target)
         azimuth = np.arctan2(to_image[:, 1], to_image[:, 0])
         gain = NOMINAL.cut(azimuth[:, np.newaxis] - NOMINAL.boresights_rad)
-        found[i] = (paths.coefficient / length_m * np.exp(-1j * K * length_m)) @ gain
+        found[i] = (paths.rows["coefficient"] / length_m * np.exp(-1j * K * length_m)) @ gain
     return found
 
 

@@ -11,9 +11,9 @@ from pdpatrol.sensing import ArrayConfig, HelicalArray, Surroundings, level_tran
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.arrivals import Propagation, propagate
-from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M, Material
-from pdpatrol.sensing.radio.surroundings import Rows, ground_face
-from tests.sensing.scenes import on_the_ground, solids_at, wall_face
+from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M
+from pdpatrol.sensing.radio.surroundings import made_of
+from tests.sensing.scenes import lossy, origins_m, solids_at, wall_face
 
 AT_ORIGIN = np.eye(4)
 
@@ -53,22 +53,13 @@ def paths_between(
     around = Propagation(np.array([source_m]), np.array([axis]), np.zeros(1), table, surroundings)
     ray_paths, arrivals = propagate(np.zeros(1), world_from_array, around)
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
-    return Paths(ray_paths.from_m, range_m, arrivals.amplitude[:, 0, 0] * range_m)
+    return Paths(origins_m(ray_paths), range_m, arrivals.amplitude[:, 0, 0] * range_m)
 
 
-def mirror(share: float) -> Material:
-    """Make a material that reflects a fixed fraction of every wave and also transmits the whole wave."""
-    return Material.of_loss(1.0, 1e12, 0.0, share)
-
-
-def reflecting(faces: Rows, wall: float = 0.8, ground: float = 0.3) -> Surroundings:
-    """Make reflecting faces without obstacles."""
-    return Surroundings.of_materials([mirror(wall)], faces, ground=mirror(ground))
-
-
-def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Rows:
-    """Make the ground, and a wall that faces east."""
-    return on_the_ground(wall_face((wall_x, 0.0, 2.0), (1.0, 0.0), (half_length, 2.0)))
+def ground_and_wall(half_length: float = 5.0, ground: float = 0.3) -> Surroundings:
+    """Make the ground, and a wall that faces east; they reflect fixed fractions of every wave."""
+    wall = wall_face((-2.0, 0.0, 2.0), (1.0, 0.0), (half_length, 2.0), lossy(0.0, 0.8))
+    return Surroundings(wall, lossy(0.0, ground))
 
 
 def test_free_space_response_follows_range_and_direction() -> None:
@@ -87,7 +78,7 @@ def test_free_space_response_follows_range_and_direction() -> None:
 
 
 def test_ground_and_wall_reflect_with_image_lengths() -> None:
-    paths = paths_between(reflecting(ground_and_wall()), (6.0, 3.0, 1.5))
+    paths = paths_between(ground_and_wall(), (6.0, 3.0, 1.5))
     on_plan_m = np.array([np.hypot(6, 3), np.hypot(6, 3), np.hypot(6 + 4, 3), np.hypot(6 + 4, 3)])
     np.testing.assert_allclose(paths.range_m, np.hypot(on_plan_m, [0.9, 2.1, 0.9, 2.1]), rtol=1e-14)
     np.testing.assert_allclose(np.abs(paths.factor), [1.0, 0.3, 0.8, 0.3 * 0.8], rtol=1e-4)
@@ -95,7 +86,7 @@ def test_ground_and_wall_reflect_with_image_lengths() -> None:
 
 
 def test_face_reflects_within_rim_and_to_front_only() -> None:
-    surroundings = reflecting(ground_and_wall(half_length=0.5))
+    surroundings = ground_and_wall(half_length=0.5)
     aside, ahead, behind = (6.0, 8.0, 1.5), (6.0, 0.5, 1.5), (-3.0, 0.0, 1.5)
     assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 4, 2]
     behind_the_wall = level_transform(np.array([-3.0, 0.0, 0.0]))
@@ -103,15 +94,14 @@ def test_face_reflects_within_rim_and_to_front_only() -> None:
 
 
 def test_face_at_source_does_not_reflect() -> None:
-    surroundings = reflecting(ground_and_wall(), ground=0.0)
+    surroundings = ground_and_wall(ground=0.0)
     on_it, off_it = (paths_between(surroundings, (x, 1.0, 1.5)).factor.size for x in (-1.98, -1.9))
     assert (on_it, off_it) == (1, 2)
 
 
 def test_obstacle_counts_on_every_segment() -> None:
     low = solids_at((0.0, 0.0), half_m=(20.0, 20.0), bottom_m=0.1, top_m=0.2)  # all over the ground
-    grass = mirror(0.8)._replace(transmission=10 ** (-6.0 / 20))
-    surroundings = Surroundings.of_materials([grass], ground_and_wall(), low, mirror(0.5))
+    surroundings = ground_and_wall(ground=0.5)._replace(obstacles=made_of(low, [lossy(6.0, 0.8)]))
     paths = paths_between(surroundings, (6.0, 3.0, 1.5))
     twice = 10 ** (-12.0 / 20)  # from the source, and on to the array
     np.testing.assert_allclose(np.abs(paths.factor), [1.0, 0.5 * twice, 0.8], rtol=1e-4)
@@ -130,7 +120,7 @@ def test_transmissions_of_pieces_multiply() -> None:
 @pytest.mark.parametrize("is_upright", [True, False])
 def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
     """Complex sum over 2 to 60 m, both polarisations, by Fresnel's formulas: within 0.1 dB."""
-    surroundings = Surroundings.of_materials([], ground_face())
+    surroundings = Surroundings(ground=GRAVEL)
     k, up_m, down_m = 2 * np.pi / WAVELENGTH_M, 1.4, 0.6
     for distance_m in np.linspace(2.0, 60.0, 300):
         axis = (0.0, 0.0, 1.0) if is_upright else (0.0, 1.0, 0.0)

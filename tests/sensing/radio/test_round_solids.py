@@ -10,7 +10,8 @@ from pdpatrol.sensing import Surroundings
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
-from tests.sensing.scenes import solids_at
+from pdpatrol.sensing.radio.surroundings import made_of
+from tests.sensing.scenes import origins_m, solids_at
 
 K = 2 * np.pi / WAVELENGTH_M
 TOP_M = 50.0
@@ -29,7 +30,7 @@ def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> compl
 
 
 def around(radius_m: float) -> Surroundings:
-    return Surroundings.of_materials([PERFECT], solids=solids_at((0.0, 0.0), radius_m=radius_m, top_m=TOP_M))
+    return Surroundings(obstacles=made_of(solids_at((0.0, 0.0), radius_m=radius_m, top_m=TOP_M), [PERFECT]))
 
 
 def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], FloatArray]:
@@ -38,9 +39,9 @@ def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.comp
     upright, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
     found = find_ray_paths(source_m, upright, none, Vector(*target, z), around(radius_m))
     straight_m = np.hypot(target[0] - source[0], target[1] - source[1])
-    length_m = found.extra_m + np.linalg.norm(found.from_m - [*target, z], axis=-1)
+    length_m = found.rows["extra_m"] + np.linalg.norm(origins_m(found) - [*target, z], axis=-1)
     phase = np.exp(-1j * K * (length_m - straight_m))
-    return found.coefficient * phase * straight_m / length_m, found.from_m[:, :2]
+    return found.rows["coefficient"] * phase * straight_m / length_m, origins_m(found)[:, :2]
 
 
 @pytest.mark.parametrize("radius_m", [0.3, 0.42, 0.8, 1.5])

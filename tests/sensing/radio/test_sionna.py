@@ -9,6 +9,7 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
 from tests.sensing.radio.sionna.links import Link, bend_at, decibels, delay_ns, links
+from tests.sensing.scenes import origins_m
 
 AXES = pytest.mark.parametrize("axis", [Vector(0.0, 0.0, 1.0), Vector(0.6, 0.8, 0.0)], ids=["upright", "level"])
 
@@ -17,8 +18,8 @@ def straight_paths(link: Link, axis: Vector, *, second_order: bool) -> tuple[Ray
     """Return our paths without diffraction and their lengths."""
     around = link.around._replace(second_order=second_order)
     found = find_ray_paths(np.array([link.source]), np.array([axis]), np.zeros(1), link.receiver, around)
-    found = found._replace(rows=found.rows[found.extra_m == 0.0])
-    return found, np.linalg.norm(found.from_m - np.array(link.receiver), axis=1)
+    found = found._replace(rows=found.rows[found.rows["extra_m"] == 0.0])
+    return found, np.linalg.norm(origins_m(found) - np.array(link.receiver), axis=1)
 
 
 def check_ratios(ratios: list[complex]) -> FloatArray:
@@ -46,15 +47,15 @@ def test_direct_and_reflected_paths_match_sionna_rt(axis: Vector) -> None:
                     continue
                 n_by_both += 1
             assert delay_ns(length_m[row]) == pytest.approx(path.delay_ns, abs=0.1)
-            ratios.append(complex(ours.coefficient[row] / length_m[row] / received))
+            ratios.append(complex(ours.rows["coefficient"][row] / length_m[row] / received))
             unmatched[row] = False
-        for row in np.flatnonzero(unmatched & (ours.from_m[:, 2] >= 0.0)):
-            image, source = ours.from_m[row], np.array(link.source)
+        for row in np.flatnonzero(unmatched & (ours.rows["z"] >= 0.0)):
+            image, source = origins_m(ours)[row], np.array(link.source)
             normal = (image - source) / np.linalg.norm(image - source)
             share = np.dot(0.5 * (source + image) - image, normal) / np.dot(np.array(link.receiver) - image, normal)
             at = Vector(*(image + share * (np.array(link.receiver) - image) - 1e-6 * normal))
             assert not (link.is_clear(link.source, at) and link.is_clear(at, link.receiver))
-            assert abs(ours.coefficient[row]) < 0.5
+            assert abs(ours.rows["coefficient"][row]) < 0.5
             n_past_edges += 1
     assert len(ratios) > 150
     assert n_past_edges < 50
@@ -75,7 +76,7 @@ def test_second_order_reflections_match_sionna_rt(axis: Vector) -> None:
                 continue
             row = np.abs(delay_ns(length_m) - path.delay_ns).argmin()
             assert delay_ns(length_m[row]) == pytest.approx(path.delay_ns, abs=1e-3)
-            ratios.append(complex(ours.coefficient[row] / length_m[row] / received))
+            ratios.append(complex(ours.rows["coefficient"][row] / length_m[row] / received))
     assert len(ratios) > 20
     assert np.mean(check_ratios(ratios) > 1.0) < 0.1  # weaker where a rim or an edge is close
 

@@ -19,16 +19,14 @@ from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.diffraction import (
     WedgeFaces,
     box_edge,
-    edge_axes,
+    edge_frame,
     is_hidden,
     round_one,
-    to_edge,
-    to_world,
 )
-from pdpatrol.sensing.radio.geometry import Vector, crosses, dot, normal_to, segment, towards
+from pdpatrol.sensing.radio.geometry import Vector, crosses, dot, normal_to, segment, to_frame, to_world, towards
 from pdpatrol.sensing.radio.materials import CONCRETE, METAL
 from pdpatrol.sensing.radio.polarisation import Reflection
-from pdpatrol.sensing.radio.surroundings import faces_of, solid_of
+from pdpatrol.sensing.radio.surroundings import faces_of, made_of, solid_of
 
 REFERENCE = json.loads(Path(__file__).with_name("reference.json").read_text(encoding="utf-8"))
 CONDUCTS = WedgeFaces(Reflection(-1.0 + 0.0j, 1.0 + 0.0j), Reflection(-1.0 + 0.0j, 1.0 + 0.0j), 0.0)
@@ -97,8 +95,8 @@ def links() -> list[Link]:
             top_m=boxes[:, 4],
             owner=np.arange(len(boxes)),
         )
-        metal = [METAL._replace(flat_share=1.0)] * len(boxes)
-        around = Surroundings.of_materials(metal, faces_of(solids), solids, CONCRETE)
+        obstacles = made_of(solids, [METAL._replace(flat_share=1.0)] * len(boxes))
+        around = Surroundings(faces_of(obstacles), CONCRETE, obstacles)
         for link in yard["links"]:
             paths = [SionnaPath(*path) for path in link["paths"]]
             found.append(Link(around, Vector(*link["source_m"]), Vector(*link["receiver_m"]), paths))
@@ -152,17 +150,17 @@ def bend_at(link: Link, point: list[float]) -> Bend:
     obstacles = link.around.obstacles
     for box in (solid_of(obstacles[k]) for k in range(obstacles.size)):
         for family, number in ((f, n) for f in range(3) for n in range(4 if f == 0 else 2)):
-            frame, corner = edge_axes(box, family), box_edge(box, family, number)
-            at = to_edge(frame, Vector(*point))
-            if math.hypot(at.p - corner.p, at.q - corner.q) > 2e-3 or not corner.low < at.along < corner.high:
+            frame, corner = edge_frame(box, family), box_edge(box, family, number)
+            at = to_frame(frame, Vector(*point))
+            if math.hypot(at.x - corner.x, at.y - corner.y) > 2e-3 or not corner.low < at.z < corner.high:
                 continue
-            source, target = to_edge(frame, link.source), to_edge(frame, link.receiver)
+            source, target = to_frame(frame, link.source), to_frame(frame, link.receiver)
             if is_hidden(corner, source) or is_hidden(corner, target):  # another edge ends close by
                 continue
             ray = round_one(corner, source, target, CONDUCTS)
             endless = round_one(corner._replace(low=-1e6, high=1e6), source, target, CONDUCTS)
-            place, length_m = to_world(frame, corner.p, corner.q, ray.first), ray.before_m + ray.behind_m
+            place, length_m = to_world(frame, Vector(corner.x, corner.y, ray.first)), ray.before_m + ray.behind_m
             np.testing.assert_allclose(place, point, atol=2e-3)
             arrives, leaves = towards(link.source, place), towards(place, link.receiver)
-            return Bend(frame.edge, arrives, leaves, length_m, -endless.soft / length_m)
+            return Bend(frame.z, arrives, leaves, length_m, -endless.soft / length_m)
     raise AssertionError(point)
