@@ -16,6 +16,7 @@ from scipy.special import ndtr, owens_t
 from dirmusic.array.spatial_pattern import frequency_weights
 from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.nature.pulses import DECAY_S, FREQUENCY_HZ, damped_pulse
+from pdpatrol.sensing.receiver.config import Band
 from pdpatrol.sensing.receiver.sampling import NoiseFilter, PulseTable, Trigger
 
 FILTER_ORDER = 6
@@ -34,25 +35,19 @@ SIGNAL_STEP = 0.02
 """Step of the table of trigger probabilities, in standard deviations of the noise."""
 
 
-@lru_cache(maxsize=16)
-def front_end(sample_rate_hz: float, band_hz: tuple[float, float] | None, gate_samples: int) -> FrontEnd:
-    """Return the front end for given settings; it is cached, so that its tables are computed only once."""
-    return FrontEnd(sample_rate_hz, band_hz, gate_samples)
-
-
 class FrontEnd:
     """Band-pass filter in front of the ADC.
 
     Args:
         sample_rate_hz: Samples per second of the ADC.
-        band_hz: The two 3 dB frequencies; None for no filter, so that the noise is white.
+        band_hz: The two 3 dB frequencies, or "all" for no filter, so that the noise is white.
         gate_samples: Length of the gate in samples.
     """
 
-    def __init__(self, sample_rate_hz: float, band_hz: tuple[float, float] | None, gate_samples: int) -> None:
+    def __init__(self, sample_rate_hz: float, band_hz: Band, gate_samples: int) -> None:
         self.sample_rate_hz, self.band_hz, self.gate_samples = sample_rate_hz, band_hz, gate_samples
         self._sections = np.empty((0, 6))
-        if band_hz is not None:
+        if band_hz != "all":
             sections = butter(FILTER_ORDER, band_hz, "bandpass", fs=sample_rate_hz, output="sos")
             self._sections = np.ascontiguousarray(sections, np.float64)
 
@@ -99,9 +94,7 @@ class FrontEnd:
     @cached_property
     def correlation(self) -> FloatArray:
         """Autocorrelation of filtered white noise over the lags of a gate, 1 at lag 0, shape (gate_samples,)."""
-        h = self._impulse_response
-        full = np.correlate(h, h, mode="full")[h.size - 1 :][: self.gate_samples]
-        return np.pad(full, (0, self.gate_samples - full.size)) / full[0]
+        return _autocorrelation(self._impulse_response, self.gate_samples)
 
     @cached_property
     def noise_power(self) -> float:
@@ -111,16 +104,14 @@ class FrontEnd:
     @cached_property
     def energy_spread(self) -> float:
         """Variance of the noise energy of a gate, divided by 2 sigma^4; equal to `gate_samples` for white noise."""
-        lags = np.arange(1, self.gate_samples)
-        squared = np.square(self.correlation)
-        return float(self.gate_samples * squared[0] + 2 * ((self.gate_samples - lags) * squared[1:]).sum())
+        n = self.gate_samples
+        return float(2 * np.arange(n, 0, -1) @ np.square(self.correlation) - n)
 
     @cached_property
     def noise_on_pulse(self) -> float:
         """Variance of the noise projected on the filtered pulse, relative to that of one sample; 1 for white noise."""
         pulse = self.pulse(np.arange(self.gate_samples, dtype=np.float64))
-        own = np.correlate(pulse, pulse, mode="full")[pulse.size - 1 :]
-        return float((own[0] + 2 * (own[1:] * self.correlation[1:]).sum()) / own[0])
+        return float(2 * _autocorrelation(pulse, self.gate_samples) @ self.correlation - 1)
 
     def trigger(self, noise_v: float, level_v: float) -> Trigger:
         """Return the trigger for a level and for white noise of a given standard deviation at the filter's input."""
@@ -142,26 +133,25 @@ class FrontEnd:
             false_alarm_rate_hz: Mean number of crossings per second in all channels together, > 0.
             n_elements: Number of channels.
         """
-        correlation = float(self.correlation[1]) if self.gate_samples > 1 else 0.0
-        slope = np.sqrt((1.0 - correlation) / (1.0 + correlation))
-        often_hz = 4 * n_elements * self.sample_rate_hz
+        slope = np.sqrt((1.0 - self.correlation[1]) / (1.0 + self.correlation[1]))
+        often = 4 * n_elements * self.sample_rate_hz / false_alarm_rate_hz
 
         def log_excess(sigmas: float) -> float:
-            return float(np.log(max(often_hz * float(owens_t(sigmas, slope)), 1e-300) / false_alarm_rate_hz))
+            return float(np.log(often * owens_t(sigmas, slope)))
 
         return float(brentq(log_excess, 0.0, 30.0))  # pyright: ignore[reportArgumentType]
 
     @cached_property
     def _pulse(self) -> FloatArray:
-        """Response to a pulse of 1 V, `PHASES` values per sample, starting at its arrival; 0 at the end."""
         return self._tabulated(0.0)
 
     def _tabulated(self, phase_rad: float) -> FloatArray:
+        """Tabulate the response to a pulse of 1 V, `PHASES` values per sample from its arrival on; 0 at the end."""
         n = int(12 * DECAY_S * self.sample_rate_hz) + self._impulse_response.size
         sample = np.arange(n) - np.arange(PHASES)[:, np.newaxis] / PHASES  # row k arrives k / PHASES after a sample
         filtered = self.filter(damped_pulse(sample / self.sample_rate_hz, phase_rad))
         late = filtered.T[:, ::-1].ravel()  # value k is at (k - (PHASES - 1)) / PHASES samples after arrival
-        table = np.append(late[PHASES - 1 :], 0.0)
+        table = np.pad(late[PHASES - 1 :], (0, PHASES - 1))
         table[0] = 0.0  # earlier times use the first value, later ones the last
         return table
 
@@ -182,7 +172,7 @@ class FrontEnd:
     @cached_property
     def pulse_table(self) -> PulseTable:
         """Table of the filtered pulse as a single band."""
-        sine_v, cosine_v = (_by_phase(table)[np.newaxis] for table in (self._pulse, self._tabulated(0.5 * np.pi)))
+        sine_v, cosine_v = (_by_phase(table[np.newaxis]) for table in (self._pulse, self._tabulated(0.5 * np.pi)))
         return PulseTable(sine_v, cosine_v, 0, np.ones(1), self.sample_rate_hz)
 
     def bands_hz(self, known_hz: FloatArray) -> FloatArray:
@@ -195,10 +185,9 @@ class FrontEnd:
         Args:
             known_hz: Frequencies at which the gain is known, ascending; the gain is linear in between.
         """
-        low_hz, high_hz = self.band_hz or (known_hz[0], known_hz[-1])
-        within = known_hz[(low_hz <= known_hz) & (known_hz <= high_hz)]
-        low_hz, high_hz = (float(np.clip(end_hz, known_hz[0], known_hz[-1])) for end_hz in (low_hz, high_hz))
-        exact = np.unique(np.concatenate([[low_hz, high_hz], within]))
+        ends_hz = known_hz[[0, -1]]
+        low_hz, high_hz = ends_hz if self.band_hz == "all" else np.clip(self.band_hz, *ends_hz)
+        exact = np.union1d([low_hz, high_hz], known_hz[(low_hz <= known_hz) & (known_hz <= high_hz)])
         return exact if exact.size <= MOST_BANDS else np.linspace(low_hz, high_hz, MOST_BANDS)
 
     @lru_cache(maxsize=4)  # noqa: B019 - front ends are cached anyway
@@ -212,20 +201,26 @@ class FrontEnd:
         Args:
             bands_hz: Frequencies of the bands, ascending.
         """
-        tables = self._pulse, self._tabulated(0.5 * np.pi)
         lead = round(12e-9 * self.sample_rate_hz)  # contains all but 1 % of each of eight bands in 800 MHz
-        n_pulse = tables[0].size
-        n = (-(-n_pulse // PHASES) + 2 * lead) * PHASES
-        frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / (PHASES * self.sample_rate_hz)), dtype=np.float64)
+        tables = [np.pad(table, lead * PHASES) for table in (self._pulse, self._tabulated(0.5 * np.pi))]
+        n, rate_hz = tables[0].size, PHASES * self.sample_rate_hz
+        frequency_hz = np.arange(n // 2 + 1, dtype=np.float64) * (rate_hz / n)
         share = frequency_weights(frequency_hz, np.array(bands_hz)).T
-        padding = lead * PHASES, n - lead * PHASES - n_pulse
-        divided = [np.fft.irfft(share * np.fft.rfft(np.pad(table, padding)), n) for table in tables]
-        sine_v, cosine_v = (np.array([_by_phase(band) for band in bands]) for bands in divided)
+        sine_v, cosine_v = (_by_phase(np.fft.irfft(share * np.fft.rfft(table))) for table in tables)
         steady_share = frequency_weights(np.array([FREQUENCY_HZ]), np.array(bands_hz))[0]
         return PulseTable(sine_v, cosine_v, lead, steady_share, self.sample_rate_hz)
 
 
-def _by_phase(table: FloatArray) -> FloatArray:
-    """Arrange a table of `PHASES` values per sample with one row per phase, shape (PHASES, n_samples)."""
-    n_samples = -(-table.size // PHASES)
-    return np.ascontiguousarray(np.pad(table, (0, n_samples * PHASES - table.size)).reshape(n_samples, PHASES).T)
+front_end = lru_cache(maxsize=16)(FrontEnd)
+"""Front end for given settings, cached so that its tables are computed only once."""
+
+
+def _autocorrelation(values: FloatArray, n_lags: int) -> FloatArray:
+    """Return the autocorrelation at lags 0, 1, ..., scaled to 1 at lag 0, shape (n_lags,)."""
+    products = np.correlate(np.pad(values, (0, n_lags - 1)), values)
+    return products / products[0]
+
+
+def _by_phase(bands: FloatArray) -> FloatArray:
+    """Arrange tables (n_bands, n) with `PHASES` values per sample by phase, shape (n_bands, PHASES, n_samples)."""
+    return np.ascontiguousarray(bands.reshape(len(bands), -1, PHASES).swapaxes(1, 2))

@@ -40,10 +40,7 @@ class Receiver:
         """Band-pass filter."""
         from pdpatrol.sensing.receiver.front_end import front_end  # imports scipy.signal, which takes 0.9 s
 
-        config = self.config
-        return front_end(
-            config.sample_rate_hz, None if config.band_hz == "all" else config.band_hz, config.gate_samples
-        )
+        return front_end(self.config.sample_rate_hz, self.config.band_hz, self.config.gate_samples)
 
     @property
     def step_v(self) -> float:
@@ -91,12 +88,12 @@ class Receiver:
     def reading(self) -> GateReading:
         """Return the parameters of the ADC, and those of the readings taken from a gate."""
         config, front_end, n = self.config, self.front_end, self.config.gate_samples
-        band_lines, bands = np.empty((0, 0, n)), (np.empty(0), np.empty(0), np.empty(0))
+        band_lines, bands = np.empty((0, 0, n)), [np.empty(0)] * 3
         if config.band_edges_hz:
             sub_bands = SubBands(config.band_edges_hz, config.sample_rate_hz, n, front_end.correlation)
             pulse = front_end.pulse(np.arange(n, dtype=np.float64) - config.pretrigger_samples + front_end.pulse_lag)
             band_lines = sub_bands.lines
-            bands = sub_bands.noise_samples, sub_bands.energy_spread, sub_bands.noise_on(pulse)
+            bands = [sub_bands.noise_samples, sub_bands.energy_spread, sub_bands.noise_on(pulse)]
         highest, spread = float(2 ** (config.bits - 1) - 1), front_end.energy_spread
         return GateReading(self.step_v, highest, config.mains_hz, spread, front_end.noise_on_pulse, band_lines, *bands)
 

@@ -31,7 +31,7 @@ from tests.sensing.scenes import wall_face
 N_SHOTS, N_PLAIN = 20_000, 600
 RATE_HZ, BAND_HZ = 20e9, (1.4e9, 2.2e9)
 FILTERED = FrontEnd(RATE_HZ, BAND_HZ, 90)
-WHITE = FrontEnd(RATE_HZ, None, 90)
+WHITE = FrontEnd(RATE_HZ, "all", 90)
 SECTIONS = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
 REAL = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3))
 
