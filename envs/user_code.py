@@ -122,7 +122,7 @@ def _source_of(thing: object) -> tuple[Path, int | None]:
 
 
 def _relative(file: Path) -> str:
-    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
+    return str(file).removeprefix(f"{Path.cwd()}/")
 
 
 EXPECTED_ESTIMATOR = "an estimator: MyEstimator() makes one, estimator(pulses, array) returns dirmusic.Bearings"

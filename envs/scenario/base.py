@@ -87,7 +87,7 @@ def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
         error: Errors that pydantic found.
         model: Model that was validated; the closest of its keys is suggested for an unknown key.
     """
-    lines = [on_one_line(line) for item in error.errors(include_url=False) for line in _lines_of(item, model)]
+    lines = [on_one_line(line) for item in error.errors() for line in _lines_of(item, model)]
     n_more = len(lines) - MAX_ERRORS_SHOWN
     return [*lines[:MAX_ERRORS_SHOWN], f"{n_more} more errors"] if n_more > 0 else lines
 
@@ -102,7 +102,7 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
     elif item["type"] == "missing":
         yield f"{key}: is required"
     elif item["type"] == "extra_forbidden":
-        near = get_close_matches(str(item["loc"][-1]), _all_keys(model), n=1)
+        near = get_close_matches(keys[-1], _all_keys(model), n=1)
         yield f"{key}: unknown key" + (f"; did you mean `{near[0]}`?" if near else "")
     elif item["type"] == "union_tag_invalid":
         shapes = str(item["ctx"]["expected_tags"]).replace("[", "").replace("]", "")
