@@ -99,6 +99,6 @@ class ArrayTable(NamedTuple):
             np.array(as_boresights(array.boresights_rad, array.boresight_elevations_rad)),
             np.array(array.gain_factors),
             np.array(array.gain_offsets),
-            pattern or tabulate(array.cut),
+            pattern or tabulate(array.manifold().pattern),
             *(grid or (np.empty((0, 0, 1)), np.ones(1))),
         )

@@ -1,20 +1,143 @@
-"""Array of helical antennas: the nominal array of the data sheet, or an array as built."""
+"""Array of helical antennas: its configuration, the nominal array of the data sheet, and arrays as built."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Self
 
 import numpy as np
+from pydantic import BaseModel, Field, model_validator
 
-from dirmusic import GainManifold, GainPattern
+from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError
+from dirmusic.array.manifold import ambiguous_azimuths, ring_boresights_rad
 from dirmusic.array.pattern import gain_in_space
+from dirmusic.array.pattern_file import read_any_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
 from dirmusic.arrays import FloatArray
-from pdpatrol.sensing.array.config import ArrayConfig
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
-from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
+from pdpatrol.sensing.quantities import (
+    SPEED_OF_LIGHT_MPS,
+    AngleError,
+    ArrayCoordinate,
+    ArrayMetre,
+    Degree,
+    Elevation,
+    FilePath,
+    MountingHeight,
+    PlacementError,
+    Share,
+)
+
+FEWEST_ELEMENTS, MOST_ELEMENTS = 3, 16
+"""Minimum and maximum number of elements. With two elements, most directions come in pairs that look alike; a robot
+carries at most sixteen (assumed)."""
+
+SHIPPED_PATTERNS = {name: Path(__file__).with_name("patterns") / f"{name}.csv" for name in ("helix", "helix_in_ring")}
+"""Shipped patterns over all directions and frequencies, by name: a helix of four turns, alone and among its five
+neighbours. `examples/antenna` computes them by the method of moments."""
+
+
+class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """Boresight and position of one element."""
+
+    azimuth_deg: Degree
+    """Azimuth of the boresight, array frame, counter-clockwise from straight ahead."""
+    elevation_deg: Elevation = 0.0
+    """Elevation of the boresight."""
+    position_m: tuple[ArrayCoordinate, ArrayCoordinate, MountingHeight] | None = None
+    """Position, array frame: x forward, y left, z up from the ground. By default on the ring, at `azimuth_deg`."""
+
+
+class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """Data sheet of the array, and errors of real arrays.
+
+    The elements are either an evenly spaced ring of `n_elements`, of which the first points to the left and the others
+    follow clockwise, or those listed in `elements`.
+
+    Errors are given as standard deviations and drawn once per array and element. Their defaults are assumed: 5 % of
+    gain due to connectors and amplifiers, and 2 degrees of azimuth and 2 mm due to the mounting of a helix.
+    `gain_offset` is the error model of the Dir-MUSIC paper: the half-width of uniformly distributed offsets of the
+    gains.
+    """
+
+    n_elements: int | None = Field(default=None, ge=FEWEST_ELEMENTS, le=MOST_ELEMENTS)
+    """Number of elements of the ring, 6 by default; None if the elements are listed."""
+    elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
+    """List of all elements, instead of a ring."""
+    ring_radius_m: ArrayMetre = 0.12
+    height_m: ArrayMetre = 0.6
+    pattern: FilePath | None = None
+    """Pattern of every element in the data sheet, which direction finding uses: a file, or the name of a shipped
+    pattern; by default eq. (1) of the Dir-MUSIC paper. If the pattern covers all directions and frequencies, direction
+    finding uses its cut at elevation 0."""
+    true_pattern: FilePath | None = None
+    """True pattern of every element, in the plane or over all directions and frequencies; by default that of the data
+    sheet."""
+    gain_error: Share = 0.05
+    pointing_error_deg: AngleError = 2.0
+    position_error_m: PlacementError = 0.002
+    gain_offset: Share = 0.0
+    serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
+    """Serial number of one array built to this data sheet, which has the same errors in every mission. By default each
+    mission draws a new array."""
+    pattern_error: Share = 0.0
+    """Standard deviation that the robot assumes for the difference between the true gain and the data sheet, relative
+    to the largest gain. It applies in the plane and grows off it (`dirmusic.ElementSpread`). It does not change the
+    simulated array, whose pattern is `true_pattern`. The computed helices need 0.02."""
+
+    @property
+    def n_channels(self) -> int:
+        """Number of elements."""
+        return len(self.elements) or self.n_elements or 6
+
+    @model_validator(mode="after")
+    def _check_consistency(self) -> Self:
+        if self.elements and self.n_elements is not None:
+            raise ValueError(f"n_elements: must not be given with a list of elements, got {self.n_elements}")
+        if self.n_channels < FEWEST_ELEMENTS:
+            raise ValueError(f"elements: must be {FEWEST_ELEMENTS} to {MOST_ELEMENTS}, got {self.n_channels}")
+        for key, path in (("pattern", self.pattern), ("true_pattern", self.true_pattern)):
+            try:
+                _pattern(path)
+            except InputFileError as error:
+                raise ValueError("\n".join(f"{key}: {each}" for each in error.faults)) from error
+        array, key = HelicalArray.nominal(self), "elements" if self.elements else "pattern"
+        apart_m = np.linalg.norm(array.positions_m[:, np.newaxis] - array.positions_m, axis=-1)
+        if same := np.argwhere(np.triu(apart_m < 1e-3, 1)).tolist():
+            raise ValueError(f"elements.{same[0][1]}.position_m: must differ from that of elements.{same[0][0]}")
+        try:
+            manifold = array.manifold()
+        except ValueError as error:
+            raise ValueError(f"{key}: {error}") from error
+        if alike := ambiguous_azimuths(manifold):
+            first, second = np.degrees(alike)
+            raise ValueError(
+                f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
+            )
+        return self
+
+
+def _pattern(path: str | None) -> GainPattern | SpatialPattern:
+    """Return eq. (1) of the Dir-MUSIC paper, or the pattern in a file, given by path or shipped name.
+
+    A file is read again only if it has changed.
+    """
+    if path is None:
+        return GaussianPattern()
+    path = str(SHIPPED_PATTERNS.get(path, path))
+    try:
+        version = Path(path).stat()
+    except OSError:
+        return read_any_pattern(path)  # raises an error that names the file
+    return _read_version(path, version.st_mtime_ns, version.st_size)
+
+
+@lru_cache(maxsize=16)
+def _read_version(path: str, modified_ns: int, size: int) -> GainPattern | SpatialPattern:
+    return read_any_pattern(path)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,15 +173,28 @@ class HelicalArray:
 
     @classmethod
     def nominal(cls, config: ArrayConfig) -> Self:
-        """Create the nominal array of the data sheet, the only one that the estimator knows."""
-        boresights_rad, elevations_rad, positions_m = config.nominal_elements()
+        """Create the nominal array of the data sheet, the only one that the estimator knows.
+
+        Raises:
+            InputFileError: If the file of its pattern has become invalid.
+        """
+        elements, n = config.elements, config.n_channels
+        boresights_rad, elevations_rad = ring_boresights_rad(n), np.zeros(n)
+        if elements:
+            boresights_rad = np.radians([element.azimuth_deg for element in elements])
+            elevations_rad = np.radians([element.elevation_deg for element in elements])
+        x, y = config.ring_radius_m * np.cos(boresights_rad), config.ring_radius_m * np.sin(boresights_rad)
+        positions_m = np.column_stack([x, y, np.full(n, config.height_m)])
+        for k, element in enumerate(elements):
+            if element.position_m is not None:
+                positions_m[k] = element.position_m
         return cls(
-            pattern=config.nominal_pattern(),
+            pattern=_pattern(config.pattern),
             boresights_rad=boresights_rad,
             boresight_elevations_rad=elevations_rad,
             positions_m=positions_m,
-            gain_factors=np.ones(config.n_channels),
-            gain_offsets=np.zeros(config.n_channels),
+            gain_factors=np.ones(n),
+            gain_offsets=np.zeros(n),
         )
 
     @classmethod
@@ -73,21 +209,21 @@ class HelicalArray:
         nominal, n = cls.nominal(config), config.n_channels
         return replace(
             nominal,
-            pattern=config.real_pattern(),
+            pattern=_pattern(config.true_pattern or config.pattern),
             boresights_rad=nominal.boresights_rad + rng.normal(0.0, np.radians(config.pointing_error_deg), n),
             positions_m=nominal.positions_m + rng.normal(0.0, config.position_error_m, (n, 3)),
             gain_factors=np.exp(rng.normal(0.0, config.gain_error, n)),
             gain_offsets=rng.uniform(-config.gain_offset, config.gain_offset, n),
         )
 
-    @property
-    def cut(self) -> GainPattern:
-        """Pattern in the plane; if the pattern depends on frequency, its rms over all frequencies."""
-        return self.pattern.cut() if isinstance(self.pattern, SpatialPattern) else self.pattern
+    def manifold(self, band_hz: tuple[float, float] | None = None) -> GainManifold:
+        """Return the far-field manifold of the array; estimators use that of the nominal array.
 
-    def manifold(self) -> GainManifold:
-        """Return the far-field manifold of the array; estimators use that of the nominal array."""
-        return self._manifold_of(self.cut)
+        Args:
+            band_hz: Band over which a pattern that depends on frequency is averaged; by default all its frequencies.
+        """
+        cut = self.pattern.cut(band_hz) if isinstance(self.pattern, SpatialPattern) else self.pattern
+        return GainManifold(cut, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
 
     def band_manifolds(self, edges_hz: Sequence[float]) -> tuple[GainManifold, ...]:
         """Return the manifolds of both halves of each sub-band; for a pattern in the plane, they are all equal.
@@ -95,12 +231,7 @@ class HelicalArray:
         Args:
             edges_hz: Edges of the sub-bands, ascending, n_bands + 1 values, or empty.
         """
-        if not isinstance(self.pattern, SpatialPattern):
-            return (self.manifold(),) * (2 * (len(edges_hz) - 1))
-        return tuple(self._manifold_of(self.pattern.cut(half)) for half in halves(edges_hz))
-
-    def _manifold_of(self, cut: GainPattern) -> GainManifold:
-        return GainManifold(cut, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
+        return tuple(self.manifold(half) for half in halves(edges_hz))
 
     def gain(
         self, azimuth_rad: FloatArray, elevation_rad: FloatArray, frequency_hz: float = FREQUENCY_HZ

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
-from pdpatrol.sensing.array.config import MOST_ELEMENTS
+from pdpatrol.sensing.array.helical_array import MOST_ELEMENTS
 from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.quantities import (
     EchoSecond,

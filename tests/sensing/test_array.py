@@ -25,7 +25,7 @@ def test_tabulated_gain_and_slopes_match_formula(config: ArrayConfig) -> None:
         gain = [gain_towards(table.pattern, look, *np.multiply(5.0, towards)) for look in looks]
         np.testing.assert_allclose(gain, by_table[:, 0], atol=1e-12)
         off_rad = azimuth - array.boresights_rad
-        by_formula = gain_in_space(array.cut, off_rad, elevation, array.boresight_elevations_rad)
+        by_formula = gain_in_space(array.manifold().pattern, off_rad, elevation, array.boresight_elevations_rad)
         off.append(np.sort(np.abs(by_table - np.stack(by_formula, axis=-1)), axis=0))
         in_space = array.gain(np.full(len(looks), azimuth), np.full(len(looks), elevation))
         np.testing.assert_array_equal(in_space, array.gain_factors * by_formula.gain + array.gain_offsets)

@@ -18,7 +18,7 @@ from pdpatrol.sensing import (
     ReceiverConfig,
 )
 from pdpatrol.sensing.array.array_table import ArrayTable
-from pdpatrol.sensing.array.config import SHIPPED_PATTERNS, ElementConfig
+from pdpatrol.sensing.array.helical_array import SHIPPED_PATTERNS, ElementConfig
 from pdpatrol.sensing.radio.arrivals import arrive
 from pdpatrol.sensing.radio.geometry import Frame, Vector
 from pdpatrol.sensing.radio.ray_paths import PATH, RayPaths
@@ -56,7 +56,7 @@ def test_flat_table_is_received_like_its_pattern(tilt_deg: float) -> None:
     config = ArrayConfig(
         elements=tuple(ElementConfig(azimuth_deg=90.0 - 60.0 * k, elevation_deg=tilt_deg) for k in range(6))
     )
-    plane = array_with(HelicalArray.nominal(config).cut, config)
+    plane = array_with(HelicalArray.nominal(config).manifold().pattern, config)
     azimuth, elevation = np.radians(np.arange(-180, 180, 5)), np.radians(np.arange(-90, 91, 5))
     single = ArrayConfig(elements=tuple(ElementConfig(azimuth_deg=90.0 * k) for k in range(3)))
     one = HelicalArray.nominal(single)

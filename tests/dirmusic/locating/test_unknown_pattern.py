@@ -13,7 +13,7 @@ from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.finding import ellipse95, is_inside95
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.plane_wave import BearingErrors
-from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
+from pdpatrol.sensing.array.helical_array import SHIPPED_PATTERNS
 from tests.dirmusic.scenes import RING, RING_M, detected, sights, with_bearings
 
 BAND_HZ = np.linspace(1.4e9, 2.2e9, 9)
