@@ -81,11 +81,12 @@ class PathFollower:
     def action(self, pose: FloatArray) -> NDArray[np.float32]:
         """Return the action that follows the path: turn towards a point ahead on it, and slow down in turns."""
         robot, path_m, along_m = self.site_map.robot, self.path_m, self._along_m
-        nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
-        ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
+        nearest = np.linalg.norm(path_m - pose[:2], axis=-1).argmin()
+        ahead = path_m[np.searchsorted(along_m[:-1], along_m[nearest] + LOOKAHEAD_M)]
         off = float(difference(azimuth_of(ahead - pose[:2]), pose[2]))
         v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / np.radians(50.0))
-        tangent = path_m[min(nearest + 1, along_m.size - 1)] - path_m[max(nearest - 1, 0)]
+        around = path_m[max(nearest - 1, 0) : nearest + 2]
+        tangent = around[-1] - around[0]
         past_m = tangent @ (pose[:2] - path_m[nearest]) / max(np.linalg.norm(tangent), 1e-9)
         done_m = min(along_m[nearest] + past_m, along_m[-1] - np.linalg.norm(path_m[-1] - pose[:2]))
         fastest = np.sqrt(np.interp(done_m, along_m, np.square(self._speed_mps)))
@@ -104,9 +105,8 @@ def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
     """
     along_m = distances_along(path_m)
     fastest, braking_mps2 = robot.max_speed_mps, min(BRAKING_MPS2, robot.max_acceleration_mps2)
-    sharpness = np.minimum(_turns(path_m, along_m) / np.radians(90.0), 1.0)
-    slow_down = max(fastest - TURN_SPEED_MPS, 0.0) * sharpness
-    square = np.square(fastest - slow_down)
+    turning_mps = [fastest, min(fastest, TURN_SPEED_MPS)]
+    square = np.square(np.interp(_turns(path_m, along_m), [0.0, np.radians(90.0)], turning_mps))
     square[-1] = 0.0
     needed = square + 2.0 * braking_mps2 * along_m
     return np.sqrt(np.minimum.accumulate(needed[::-1])[::-1] - 2.0 * braking_mps2 * along_m)

@@ -90,7 +90,9 @@ class CollisionGuard:
         if time_s - self._scanned_s >= 0.5:  # not at every step, because each scan gives a new map (assumed)
             self._seen.scan(lidar_m, pose, time_s, site_map)
             self._scanned_s = time_s
-        has_collided = self._has_collided(speed_mps, robot)
+        # An obstacle above or below the lidar's plane stops the robot 1.5 times (assumed) as fast as its brakes can.
+        lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
+        has_collided = lost_mps > 1.5 * robot.max_acceleration_mps2 * STEP_S
         if time_s >= self._back_off_until_s:
             action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
             self.phase, self.unreachable = status_of(self._policy)
@@ -112,14 +114,6 @@ class CollisionGuard:
         if has_moved or not would_move:
             self._last_place_m, self._moved_s = pose[:2], time_s
         return time_s - self._moved_s > 4.0
-
-    def _has_collided(self, speed_mps: float, robot: RobotDescription) -> bool:
-        """Return True if the robot decelerated 1.5 times (assumed) as fast as its brakes can.
-
-        It has then hit an obstacle above or below the lidar's plane.
-        """
-        lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
-        return lost_mps > 1.5 * robot.max_acceleration_mps2 * STEP_S
 
     def _start_back_off(
         self,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from dirmusic import Finding
 from dirmusic.arrays import FloatArray
@@ -174,7 +174,7 @@ class Active(Seek):
 
     def __init__(self) -> None:
         super().__init__()
-        self._chosen: tuple[int, int] | None = None
+        self._chosen = 0, 0  # id of the candidate and cell
 
     def viewpoint(
         self, target: Finding, views_m: FloatArray, pose: FloatArray, paths: ShortestPaths
@@ -192,18 +192,17 @@ class Active(Seek):
         site_map = paths.site_map
         target_m = likely_place(target, pose, site_map)
         information = expected_information(site_map.centres_m, target_m, site_map)
-        is_new = np.asarray(KDTree(views_m).query(site_map.centres_m)[0]) > 0.6
+        is_new = cdist(site_map.centres_m, views_m).min(axis=-1) > 0.6
         gained = paths.integrate(information * is_new[:, np.newaxis, np.newaxis])
-        after_m2 = np.asarray(np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained), dtype=np.float64)
+        after_m2 = np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained)
         semi_major_m = np.sqrt(CHI2_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
         time_s = np.where(paths.length_m > MIN_PATH_M, driving_time(paths, pose), np.inf)
         sufficient_s = np.where(semi_major_m <= 0.8 * KNOWN_M, time_s, np.inf)
         best = int(sufficient_s.argmin())
         if not np.isfinite(sufficient_s[best]):
             return super().viewpoint(target, views_m, pose, paths)
-        if self._chosen is not None and self._chosen[0] == target.id:
-            kept = self._chosen[1]
-            if semi_major_m[kept] <= KNOWN_M and time_s[kept] <= sufficient_s[best] + 2.0:
-                best = kept
+        number, kept = self._chosen
+        if number == target.id and semi_major_m[kept] <= KNOWN_M and time_s[kept] <= sufficient_s[best] + 2.0:
+            best = kept
         self._chosen = target.id, best
         return site_map.centres_m[best]

@@ -30,15 +30,16 @@ def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatA
     so that a candidate at the position of the robot has a direction.
     """
     sight_m = target.position_m[:2] - pose[:2]
-    range_m = max(float(np.linalg.norm(sight_m)), 0.01)
-    std_m = float(np.sqrt(sight_m @ target.covariance_m2[:2, :2] @ sight_m)) / range_m
+    range_m = max(np.linalg.norm(sight_m), 0.01)
+    std_m = np.sqrt(sight_m @ target.covariance_m2[:2, :2] @ sight_m) / range_m
     sigmas = np.linspace(-3.0, 3.0, 121)
     share = 1.0 + sigmas * std_m / range_m  # factor of the inverse distance
     sigmas, longer = sigmas[share > 0.0], 1.0 / share[share > 0.0]
     is_inside = site_map.yard.contains(pose[:2] + np.multiply.outer(longer, sight_m))
+    weights = np.exp(-0.5 * np.square(sigmas)) * np.square(longer) * is_inside
     if not is_inside.any():
         return target.position_m
-    mean = np.average(longer[is_inside], weights=(np.exp(-0.5 * np.square(sigmas)) * np.square(longer))[is_inside])
+    mean = np.average(longer, weights=weights)
     return np.append(pose[:2] + mean * sight_m, target.position_m[2])
 
 

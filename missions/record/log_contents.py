@@ -20,8 +20,7 @@ from pdpatrol.robot_models.yard.yard import Yard
 def describe_array(array: ArrayModel) -> dict[str, Any]:
     """Return boresights, positions and pattern of the elements; no pattern for eq. (1) of the Dir-MUSIC paper."""
     manifold, table = array.manifold, None
-    if isinstance(manifold.pattern, TabulatedPattern):
-        pattern = manifold.pattern
+    if isinstance(pattern := manifold.pattern, TabulatedPattern):
         table = {"off_boresight_rad": pattern.off_boresight_rad.tolist(), "gain": pattern.table_gain.tolist()}
     return {
         "boresights_rad": manifold.boresights_rad.tolist(),
