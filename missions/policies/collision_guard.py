@@ -15,10 +15,9 @@ from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_c
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
 from pdpatrol.missions.record.events import Phase
-from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 BACK_OFF_S = 1.5
-BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)])
+BACK_OFF_COMMANDS = (-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)
 """Duration in seconds of backing off when stuck, and its commands, m/s and rad/s, in order of preference. Assumed;
 about half a metre."""
 
@@ -76,14 +75,15 @@ class CollisionGuard:
         self._last_place_m: FloatArray | None = None
         self._moved_s = 0.0
         self._stuck_at_m: list[FloatArray] = []
-        self._command = np.zeros(2)
+        self._command = 0.0, 0.0
         self._back_off_until_s = -np.inf
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """Return the policy's action, slowed down where needed, or an action that backs off.
+        """Return the policy's action, slowed down where needed, or one that backs off towards the most free space.
 
-        The acceleration is limited to 1 m/s^2 (assumed), well below the limit of the motors, so that one wrong lidar
-        reading has little effect.
+        The obstacle of a collision, or of two stops within half a metre, is added to the map 5 cm ahead of the robot's
+        outline. The acceleration is limited to 1 m/s^2, well below the limit of the motors, so that one wrong lidar
+        reading has little effect. All assumed.
         """
         pose, time_s, robot = believed_pose(observation), time_of(observation, site_map), site_map.robot
         speed_mps, lidar_m = float(observation["velocity"][0]), observation["lidar"]
@@ -98,10 +98,16 @@ class CollisionGuard:
             self.phase, self.unreachable = status_of(self._policy)
             if action is None:
                 return None
-            self._command = robot.command_from_action(action)
+            self._command = robot.command_from_action(action).tolist()
             if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
-                self._start_back_off(lidar_m, pose, time_s, robot, has_collided=has_collided)
-        v, yaw_rate = self._command.tolist()
+                if has_collided or any(np.hypot(*(place_m - pose[:2])) < 0.5 for place_m in self._stuck_at_m):
+                    self._seen.add(pose[:2] + (robot.footprint_radius_m + 0.05) * unit_vector(pose[2:]), time_s)
+                self._stuck_at_m.append(pose[:2])
+                self._command = max(BACK_OFF_COMMANDS, key=lambda command: free_distance(lidar_m, *command, robot))
+                self._back_off_until_s = time_s + BACK_OFF_S
+                self._last_place_m = None
+                self.phase = Phase("back off")
+        v, yaw_rate = self._command
         fastest = max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S
         return robot.action_from_command(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot))
 
@@ -114,26 +120,3 @@ class CollisionGuard:
         if has_moved or not would_move:
             self._last_place_m, self._moved_s = pose[:2], time_s
         return time_s - self._moved_s > 4.0
-
-    def _start_back_off(
-        self,
-        lidar_m: NDArray[np.floating],
-        pose: FloatArray,
-        time_s: float,
-        robot: RobotDescription,
-        *,
-        has_collided: bool,
-    ) -> None:
-        """Start to back off towards the most free space.
-
-        The obstacle of a collision, or of two stops within half a metre, is added to the map 5 cm ahead of the robot's
-        outline (both assumed).
-        """
-        if has_collided or any(np.hypot(*(place - pose[:2])) < 0.5 for place in self._stuck_at_m):
-            self._seen.add(pose[:2] + (robot.footprint_radius_m + 0.05) * unit_vector(pose[2:]), time_s)
-        self._stuck_at_m.append(pose[:2])
-        free_m = [free_distance(lidar_m, v, yaw_rate, robot) for v, yaw_rate in BACK_OFF_COMMANDS.tolist()]
-        self._command = BACK_OFF_COMMANDS[int(np.argmax(free_m))]
-        self._back_off_until_s = time_s + BACK_OFF_S
-        self._last_place_m = None
-        self.phase = Phase("back off")

@@ -15,7 +15,7 @@ from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.patrol import Patrol
-from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, believed_pose, time_of
+from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, believed_pose, status_of, time_of
 from pdpatrol.missions.policies.viewpoints import (
     MIN_PATH_M,
     best_viewpoint,
@@ -108,7 +108,7 @@ class Seek(ReportingPolicy):
             self._pursuits[target.id].spend(target, 25.0)  # cost of a candidate without a viewpoint (assumed)
             self._drop()
         action = self._patrol(observation, findings, site_map)
-        self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
+        self.phase, self.unreachable = status_of(self._patrol)
         return action
 
     def viewpoint(
