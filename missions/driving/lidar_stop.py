@@ -19,7 +19,7 @@ map."""
 STOP_M = 0.06
 """Clearance ahead. Assumed; three standard deviations of the lidar noise, or a corner between two beams."""
 
-DEFLECTIONS_RADPS = np.array([0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9])
+DEFLECTIONS_RADPS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """Changes of the yaw rate that are tried when the commanded arc is blocked. Assumed."""
 
 BEAM_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
@@ -85,7 +85,7 @@ def safe_speed(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: floa
     free_m = max(free_distance(lidar_m, v_mps, yaw_rate_radps, robot) - STOP_M, 0.0)
     slowing = robot.max_acceleration_mps2 * STEP_S
     limit = np.sqrt(slowing**2 + 2.0 * robot.max_acceleration_mps2 * free_m) - slowing
-    return float(np.copysign(min(abs(v_mps), limit), v_mps))
+    return float(np.clip(v_mps, -limit, limit))
 
 
 def safe_command(
@@ -97,7 +97,6 @@ def safe_command(
     """
     if safe_speed(lidar_m, v_mps, yaw_rate_radps, robot) == v_mps:
         return v_mps, yaw_rate_radps
-    turns = yaw_rate_radps + DEFLECTIONS_RADPS
-    speeds_mps = np.array([safe_speed(lidar_m, v_mps, turn, robot) for turn in turns.tolist()])
-    best = int(np.argmax(np.abs(speeds_mps) - 0.1 * np.abs(DEFLECTIONS_RADPS)))  # 1 rad/s costs 0.1 m/s (assumed)
-    return float(speeds_mps[best]), float(turns[best])
+    arcs = [(safe_speed(lidar_m, v_mps, yaw_rate_radps + by, robot), by) for by in DEFLECTIONS_RADPS]
+    speed_mps, by = max(arcs, key=lambda arc: abs(arc[0]) - 0.1 * abs(arc[1]))  # 1 rad/s costs 0.1 m/s (assumed)
+    return speed_mps, yaw_rate_radps + by

@@ -171,7 +171,7 @@ class SiteMap:
         moves = []
         for dx, dy in _MOVES:
             by_x, by_y = (np.array([0, int(by / 2), by - int(by / 2), by]) for by in (dx, dy))
-            # A move that leaves the grid wraps around to an outermost cell, which is not free, for it is at the fence.
+            # A move that leaves the grid wraps around to cells along the south or west fence, which are never free.
             passed = (self._free_cells + (n_y * by_x + by_y)[:, np.newaxis]) % n_cells
             passed = passed[:, self.is_free[passed].all(axis=0)]
             cost = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0)

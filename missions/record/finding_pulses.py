@@ -50,13 +50,13 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
     pulse, step, manifold = log.table("pulse"), log.table("step"), described_manifold(log.meta["array"])
     found: dict[int, FindingPulses] = {}
     for number in np.unique(association["finding"][association["finding"] > 0]).tolist():
-        own = np.flatnonzero(association["finding"] == number)  # association and bearing have the same rows
+        own = association["finding"] == number  # association and bearing have the same rows
         rows = association["pulse"][own]
         at = pulse["step"][rows]
         position_m = table["position_m"][table["id"] == number][-1]
         offset_m = position_m[:2] - step["pose"][at, :2]
         range_m = np.maximum(np.linalg.norm(offset_m, axis=-1), 0.1)  # about the size of the array
-        chunks = np.array_split(azimuth[own], 1 + own.size // 10_000)  # half a kilobyte per pulse
+        chunks = np.array_split(azimuth[own], 1 + rows.size // 10_000)  # half a kilobyte per pulse
         gain = np.concatenate([np.linalg.norm(manifold.gain(chunk), axis=0) for chunk in chunks])
         strength_v = np.linalg.norm(pulse["strengths_v"][rows], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):

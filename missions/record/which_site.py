@@ -51,7 +51,7 @@ def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: Floa
     layers of all solids. The error due to the quasi-random points is below 1 % of the highest density.
     """
     layer_m = 0.125
-    points_m = qmc.MultivariateNormalQMC(mean_m, covariance_m2, engine=qmc.Sobol(3, rng=0)).random(4096)
+    points_m = qmc.MultivariateNormalQMC(mean_m, covariance_m2, rng=0).random(4096)
     is_near = (np.abs(solids.distance(points_m)) < layer_m) & (points_m[:, 2:] > 0.0)  # above the ground
     around_m = 4.0 * solids.half_size_m.sum(axis=1) + 2.0 * np.pi * solids.radius_m
     top_m2 = 4.0 * solids.half_size_m.prod(axis=1) + np.pi * np.square(solids.radius_m)
@@ -75,6 +75,6 @@ def in_words(probabilities: Mapping[str, float]) -> str:
     words = [f"{first} {percent(probability)}"]
     for other, probability in others[:1]:
         if probability >= 0.1:
-            piece, _, site = other.partition("/")
-            words.append(f"{site if site and piece == first.partition('/')[0] else other} {percent(probability)}")
+            piece = first.partition("/")[0]
+            words.append(f"{other.removeprefix(f'{piece}/')} {percent(probability)}")
     return ", ".join(words)
