@@ -52,4 +52,4 @@ def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01, colour: i
 
 def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
     """Return lines whose width is in points of the screen."""
-    return rr.LineStrips3D(lines, colors=colour, radii=rr.Radius.ui_points([width]))
+    return rr.LineStrips3D(lines, colors=colour, radii=rr.Radius.ui_points(width))

@@ -10,8 +10,6 @@ import rerun.blueprint as rrb
 
 from pdpatrol.missions.recording.findings import SPAN_DB, UNITS_PER_DB
 
-BACKGROUND = (24, 28, 34)
-
 SO_FAR = rrb.VisibleTimeRanges(
     timeline="sim_time",
     start=rrb.TimeRangeBoundary.infinite(),
@@ -53,7 +51,6 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
     pattern = rrb.Spatial2DView(
         origin="phase_pattern",
         name="Phase-resolved pattern, level over 1 V at 1 m",
-        background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(x_range=[-45.0, 370.0], y_range=[-reach - 54.0, reach + 28.0]),
         time_ranges=SO_FAR,
     )
@@ -96,7 +93,6 @@ def _world_view(name: str, eye: rrb.EyeControls3D, *hidden: str) -> rrb.Spatial3
         origin="world",
         name=name,
         eye_controls=eye,
-        background=BACKGROUND,
         line_grid=False,
         overrides=overrides,
     )

@@ -23,18 +23,29 @@ from pdpatrol.missions.report.wording import outcome_text, title_text
 class Recorder:
     """Draws the rows added to a log since the last call.
 
+    Recordings of one scenario share an application id, and with it a blueprint; recordings of one mission of the same
+    length share their recording id, so that a viewer shows them once.
+
     Args:
-        stream: Recording to draw on.
         log: Log of a mission, growing or complete.
+
+    Attributes:
+        stream: Recording that is drawn on.
     """
 
-    def __init__(self, stream: rr.RecordingStream, log: MissionLog) -> None:
-        self._stream, self._log = stream, log
+    def __init__(self, log: MissionLog) -> None:
+        title, facts = title_text(log.meta), f"{json.dumps(log.meta, sort_keys=True)} {log.n_rows('step')}"
+        self.stream = rr.RecordingStream(
+            f"pdpatrol {log.meta['name']}",
+            recording_id=f"{title} ({hashlib.sha256(facts.encode()).hexdigest()[:8]})",
+            send_properties=False,
+        )
+        self._log = log
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
         self._bin_steps = 5 if "scenario" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
         self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
-        stream.send_recording_name(title_text(log.meta))
-        draw_scene(stream, log.meta)
+        self.stream.send_recording_name(title)
+        draw_scene(self.stream, log.meta)
 
     def update(self, *, is_over: bool) -> None:
         """Draw the complete bins; if the log no longer grows, the rest and the outcome as well."""
@@ -43,11 +54,11 @@ class Recorder:
             self._draw_bin(end)
         if is_over:
             self._draw_bin(max(n_steps, 1))  # without steps, events refer to step 0
-            set_step(self._stream, self._log, self._log.last_step)
+            set_step(self.stream, self._log, self._log.last_step)
             report = make_report(self._log, 0.0)
-            draw_phase_patterns(self._stream, self._log, report)
-            draw_outcome(self._stream, report)
-            self._stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
+            draw_phase_patterns(self.stream, self._log, report)
+            draw_outcome(self.stream, report)
+            self.stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
 
     def _draw_bin(self, end: int) -> None:
         """Draw the rows up to step `end`."""
@@ -55,25 +66,13 @@ class Recorder:
         tables = {name: self._log.table(name, start, stop[name]) for name, start in self._n_drawn.items()}
         part = LogBin(self._log, self._n_drawn, tables)
         self._n_drawn = stop
-        draw_findings(self._stream, part)
-        draw_events(self._stream, part)
+        draw_findings(self.stream, part)
+        draw_events(self.stream, part)
         if part.end > part.first["step"]:
-            set_step(self._stream, self._log, part.end - 1)
-            draw_motion(self._stream, part)
-            draw_pulses(self._stream, part)
-            draw_status(self._stream, part)
-
-
-def recording_stream(log: MissionLog) -> rr.RecordingStream:
-    """Return a stream for a mission.
-
-    Recordings of one scenario share an application id, and with it a blueprint; recordings of one mission of the same
-    length share their recording id, so that a viewer shows them once.
-    """
-    facts = f"{json.dumps(log.meta, sort_keys=True)} {log.n_rows('step')}"
-    digest = hashlib.sha256(facts.encode()).hexdigest()[:8]
-    name = f"pdpatrol {log.meta['name']}"
-    return rr.RecordingStream(name, recording_id=f"{title_text(log.meta)} ({digest})", send_properties=False)
+            set_step(self.stream, self._log, part.end - 1)
+            draw_motion(self.stream, part)
+            draw_pulses(self.stream, part)
+            draw_status(self.stream, part)
 
 
 def write_recording(log: MissionLog, path: Path, *, lists_recordings: bool = False) -> None:
@@ -87,13 +86,13 @@ def write_recording(log: MissionLog, path: Path, *, lists_recordings: bool = Fal
     Raises:
         OSError: If the file cannot be written.
     """
-    stream = recording_stream(log)
-    content = stream.binary_stream()  # Rerun's own files are cut short silently on a full disk
+    recorder = Recorder(log)
+    content = recorder.stream.binary_stream()  # Rerun's own files are cut short silently on a full disk
     try:
-        stream.send_blueprint(blueprint(log.meta, is_live=False, lists_recordings=lists_recordings))
-        Recorder(stream, log).update(is_over=True)
+        recorder.stream.send_blueprint(blueprint(log.meta, is_live=False, lists_recordings=lists_recordings))
+        recorder.update(is_over=True)
     finally:
         data = content.read(flush=True) or b""
-        stream.disconnect()
+        recorder.stream.disconnect()
     with atomic_file(path) as temporary:
         temporary.write_bytes(data)

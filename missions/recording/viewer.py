@@ -17,7 +17,7 @@ from rerun.experimental import ViewerClient
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.blueprint import blueprint
-from pdpatrol.missions.recording.recorder import Recorder, recording_stream
+from pdpatrol.missions.recording.recorder import Recorder
 
 LOOPBACK = "127.0.0.1"
 """Address to listen on; by default, Rerun listens on all interfaces."""
@@ -115,9 +115,9 @@ class LiveView:
         if self._viewer.poll() is not None:
             return
         if self._recorder is None:
-            stream = recording_stream(log)
-            stream.connect_grpc(_address(self._port), default_blueprint=blueprint(log.meta, is_live=True))
-            self._recorder = Recorder(stream, log)
+            self._recorder = Recorder(log)
+            layout = blueprint(log.meta, is_live=True)
+            self._recorder.stream.connect_grpc(_address(self._port), default_blueprint=layout)
         self._recorder.update(is_over="end" in log.column("event", "kind"))
 
 

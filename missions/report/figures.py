@@ -58,7 +58,7 @@ def draw_site_plan(log: MissionLog, report: Report) -> Figure:
     figure = Figure(figsize=(7.1, min(6.4 * height_m / width_m + 1.0, 7.4)), layout="constrained")
     axes = figure.subplots()
     draw_ground(axes, log.meta["bounds_m"])
-    if (yard := known_yard(log)) is not None:
+    if yard := known_yard(log):
         draw_yard(axes, yard)
         for site in report.inspection.sites if report.inspection else ():
             marker, colour, label = SITE_MARKS[site.state]

@@ -54,8 +54,9 @@ def evaluate(
                 inside_ellipse95=is_inside95(offset_m[:2], np.asarray(finding.covariance_m2)[:2, :2]),
                 right_site=bool((to_sites_m > np.linalg.norm(offset_m) - 1e-6).all()),  # the source may be on a site
             )
-        position_m = tuple(true_m[i].tolist())
-        scored.append(ScoredSource(name=name, true_position_m=position_m, found=match is not None, match=match))
+        scored.append(
+            ScoredSource(name=name, true_position_m=tuple(true_m[i].tolist()), found=match is not None, match=match)
+        )
     total_m = cost_m[pairs].sum() + CUT_OFF_M * abs(len(findings) - len(sources))
     return Scores(
         sources=tuple(scored),

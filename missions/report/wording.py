@@ -91,7 +91,7 @@ def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
     by one step. Both are assumed.
     """
     discharge, strength = finding.discharge, finding.strength
-    kind = discharge.kind if discharge is not None and discharge.confidence >= 0.8 else "unknown"
+    kind = discharge.kind if discharge and discharge.confidence >= 0.8 else "unknown"
     is_strong = strength is not None and strength.level_db >= 0.0
     known = "uncertain" if kind == "unknown" else f"{kind} with a confidence of at least 80 %"
     rule = f"Rule: kind {known}; level {'at or above' if is_strong else 'below'} 0 dBV at 1 m."

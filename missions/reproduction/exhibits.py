@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -36,12 +37,13 @@ PHASE_APERTURE = 0.345
 """Wavenumber times ring radius of the phase method, radians. Not printed; fitted to the paper's cell at -10 dB."""
 
 
-def illustrations(trials: Trials) -> tuple[Exhibit, ...]:
+def illustrations(trials: Trials) -> Iterator[Exhibit]:
     """Make Fig. 1 and Fig. 3, which have no numbers."""
-    return Exhibit("fig1", [], draw_manifold), Exhibit("fig3", [], partial(draw_noisy_pulse, trials.seed))
+    yield Exhibit("fig1", [], draw_manifold)
+    yield Exhibit("fig3", [], partial(draw_noisy_pulse, trials.seed))
 
 
-def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
+def noise_tables(trials: Trials) -> Iterator[Exhibit]:
     """Make Table 1 (six elements), Fig. 4 (its errors at -10 dB) and Table 2 (four of the six)."""
     six = GainManifold.ring(6)
     four = six.take(range(4))
@@ -67,58 +69,54 @@ def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
         errors = trials.collect(1, cell, partial(draw, printed["snr_db"]))
         six_rows.append(compare(printed, *errors[2:5]))
         four_rows.append(compare(printed_of_four, *errors[5:]))
-    figure4 = _figure4(*errors[:5])
-    return Exhibit("table1", six_rows), figure4, Exhibit("table2", four_rows)
-
-
-def _figure4(
-    true_paper: FloatArray, true_best: FloatArray, paper_deg: FloatArray, rounded_deg: FloatArray, best_deg: FloatArray
-) -> Exhibit:
-    """Make Fig. 4 from equal numbers of trials of both methods, because a range grows with the number of trials."""
+    yield Exhibit("table1", six_rows)
+    # Fig. 4 shows equal numbers of trials of both methods, because a range grows with the number of trials.
+    true_paper, true_best, paper_deg, rounded_deg, best_deg = errors[:5]
     n, rows = best_deg.size, list[Row]()
     for printed, statistic in zip(published()["fig4"]["rows"], (mean, spread, least, largest), strict=True):
         row = compare(printed, paper_deg[:n], rounded_deg, best_deg, statistic=statistic)
         predicted = statistic(paper_deg).predicted  # from all trials
         rows.append(replace(row, paper_method=replace(row.paper_method, predicted=predicted)))
-    return Exhibit("fig4", rows, partial(draw_errors, true_paper[:n], paper_deg[:n], true_best, rounded_deg))
+    yield Exhibit("fig4", rows, partial(draw_errors, true_paper[:n], paper_deg[:n], true_best, rounded_deg))
+    yield Exhibit("table2", four_rows)
 
 
-def manifold_errors(trials: Trials) -> tuple[Exhibit, ...]:
+def manifold_errors(trials: Trials) -> Iterator[Exhibit]:
     """Make Fig. 5: a new uniform error U(-D, D) for each element and trial."""
     rows = list[Row]()
     for cell, printed in enumerate(published()["fig5"]["rows"]):
         errors = _ring_errors(trials, 5, cell, half_width=printed["half_width"])
         of_spread = {"label": f"{printed['label']}, spread", "paper": printed["paper_spread"]}
         rows += compare(printed, *errors), compare(of_spread, *errors, statistic=spread)
-    return (Exhibit("fig5", rows),)
+    yield Exhibit("fig5", rows)
 
 
-def element_counts(trials: Trials) -> tuple[Exhibit, ...]:
+def element_counts(trials: Trials) -> Iterator[Exhibit]:
     """Make Fig. 7: rings of one to ten elements, with manifold errors."""
     rows = [
         compare(printed, *_ring_errors(trials, 7, cell, n_elements=printed["n_elements"], half_width=0.05))
         for cell, printed in enumerate(published()["fig7"]["rows"])
     ]
-    return (Exhibit("fig7", rows),)
+    yield Exhibit("fig7", rows)
 
 
-def sample_rates(trials: Trials) -> tuple[Exhibit, ...]:
+def sample_rates(trials: Trials) -> Iterator[Exhibit]:
     """Compare the accuracy over the sample rate at 10 dB: fewer samples of the same half microsecond."""
     printed, rows = published()["sample_rate"], list[Row]()
     for cell, (of_gain, of_phase) in enumerate(zip(printed["rows"], printed["phase_rows"], strict=True)):
         n_record = of_gain["n_record"]
         errors = _ring_errors(trials, 10, cell, n_record=n_record, n_gate=7, n_draws=1)
         rows += compare(of_gain, *errors), compare(of_phase, *_phase_errors(trials, 11, cell, n_record, 10.0))
-    return (Exhibit("sample_rate", rows),)
+    yield Exhibit("sample_rate", rows)
 
 
-def phase_method(trials: Trials) -> tuple[Exhibit, ...]:
+def phase_method(trials: Trials) -> Iterator[Exhibit]:
     """Simulate MUSIC on phases, with which the paper's successor compares its method."""
     rows = [
         compare(printed, *_phase_errors(trials, 8, cell, N_RECORD, printed["snr_db"]))
         for cell, printed in enumerate(published()["phase_method"]["rows"])
     ]
-    return (Exhibit("phase_method", rows),)
+    yield Exhibit("phase_method", rows)
 
 
 def _ring_errors(

@@ -49,7 +49,7 @@ def reproduce(trials: int, seed: int, advance: Callable[[], None]) -> list[Exhib
     settings = Trials(trials, seed, cancelled)
     with threadpool_limits(limits=1), ThreadPoolExecutor(os.cpu_count()) as pool:
         try:
-            for part in pool.map(lambda make: make(settings), PARTS):
+            for part in pool.map(lambda make: list(make(settings)), PARTS):
                 made += part
                 advance()
         finally:

@@ -96,9 +96,8 @@ def test_views_and_overrides_refer_to_entities(recording: Path, drawn: Entities)
 
 def test_growing_log_gives_the_same_recording(log: MissionLog, tmp_path: Path, drawn: Entities) -> None:
     growing = MissionLog(log.meta)
-    stream = rr.RecordingStream("pdpatrol")
-    stream.save(tmp_path / "live.rrd")
-    recorder = Recorder(stream, growing)
+    recorder = Recorder(growing)
+    recorder.stream.save(tmp_path / "live.rrd")
     tables = {name: log.table(name) for name in TABLES}
     for start in range(0, log.n_rows("step"), 7):
         is_last = start + 7 >= log.n_rows("step")
@@ -107,8 +106,8 @@ def test_growing_log_gives_the_same_recording(log: MissionLog, tmp_path: Path, d
             for row in range(growing.n_rows(name), log.n_rows(name) if is_last else stop):
                 growing.append(name, **{column: values[row] for column, values in table.items()})
         recorder.update(is_over=is_last)
-    stream.flush()
-    stream.disconnect()
+    recorder.stream.flush()
+    recorder.stream.disconnect()
     live = read_recording(tmp_path / "live.rrd")
     same = [path for path in drawn if not path.startswith("__properties")]
     assert len(same) > 30

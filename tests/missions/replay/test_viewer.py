@@ -131,7 +131,7 @@ def test_screenshot_shows_the_requested_time(missions: Path) -> None:
         (["zero", "--at", "3"], "--at"),
         (["zero", "eins und zwei", "--row", "1"], "--row"),
         (["zero", "--video", "a.gif", "--pace", "0"], "--pace"),
-        ([], "--folders"),
+        ([], "DIR"),
         (["zero", "zwölf"], "zwölf"),
     ],
 )
