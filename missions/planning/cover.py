@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import csr_array
 
 from dirmusic.angles import aperture, difference, wrap
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
@@ -39,12 +38,9 @@ def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray
         for lines of sight, whose two directions are equivalent, so at most 90 degrees; number of columns that detect
         the target.
     """
-    rows = np.arange(len(detectability.names)) if targets is None else np.flatnonzero(targets)
-    pairs = np.ix_(rows, columns)
-    seen_rad = [
-        aspects[mask]
-        for aspects, mask in zip(detectability.aspect_rad[pairs], detectability.is_detectable[pairs], strict=True)
-    ]
+    rows = slice(None) if targets is None else targets
+    aspect_rad, detects = detectability.aspect_rad[:, columns][rows], detectability.is_detectable[:, columns][rows]
+    seen_rad = (aspects[mask] for aspects, mask in zip(aspect_rad, detects, strict=True))
     each = [(aperture(seen), min(0.5 * aperture(2.0 * seen), 0.5 * np.pi), seen.size) for seen in seen_rad]
     return np.array(each, dtype=np.float64).reshape(-1, 3)
 
@@ -68,17 +64,17 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
     useful = useful[np.lexsort((-clearance_m[useful], square[useful]))]
     chosen = np.zeros(square.size, dtype=np.bool_)
     chosen[useful[np.unique(square[useful], return_index=True)[1]]] = True
-    for k, required in enumerate(required_rad - TINY_RAD):
-        own = np.flatnonzero(detectability.is_detectable[k])
+    for k in np.flatnonzero(~detectability.is_blind):
+        own, required = np.flatnonzero(detectability.is_detectable[k]), required_rad[k] - TINY_RAD
         aspect_rad = detectability.aspect_rad[k, own]
-        if own.size and aperture(aspect_rad[chosen[own]]) < required:
+        if aperture(aspect_rad[chosen[own]]) < required:
             chosen[own[_ends(aspect_rad)]] = True
-        while own.size and aperture(aspect_rad[chosen[own]]) < required:
+        while aperture(aspect_rad[chosen[own]]) < required:
             off_rad = np.abs(difference(aspect_rad[:, np.newaxis], aspect_rad[chosen[own]])).min(axis=1)
             chosen[own[off_rad.argmax()]] = True
-        if own.size and not chosen[own].any():
+        if not chosen[own].any():
             chosen[own[clearance_m[own].argmax()]] = True
-    return np.flatnonzero(chosen).astype(np.intp)
+    return np.flatnonzero(chosen)
 
 
 def _ends(aspect_rad: FloatArray) -> IntArray:
@@ -118,17 +114,16 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
         conditions.append(_strictest(outside) if required_rad[k] > 0.0 else detects[np.newaxis])
     if not conditions:
         return np.empty(0, dtype=np.intp)
-    rows = csr_array(np.concatenate(conditions).astype(np.float64))
     solution = milp(
         np.ones(columns.size),
-        integrality=np.ones(columns.size, dtype=np.intp),
+        integrality=[1],
         bounds=Bounds(0.0, 1.0),
-        constraints=LinearConstraint(rows, 1.0, np.inf),
+        constraints=LinearConstraint(np.concatenate(conditions), 1.0),
         options={"mip_rel_gap": GAP, "node_limit": 500},
     )
     if solution.x is None:
         raise RuntimeError(f"no cover of the yard was found: {solution.message}")
-    return columns[np.asarray(solution.x) > 0.5]
+    return columns[solution.x > 0.5]
 
 
 def _strictest(conditions: BoolArray) -> BoolArray:

@@ -51,7 +51,7 @@ class Detectability(NamedTuple):
     @property
     def is_blind(self) -> BoolArray:
         """True for targets that no reachable cell detects, shape (n_targets,)."""
-        return np.asarray(~self.is_detectable.any(axis=1), dtype=np.bool_)
+        return np.asarray(~self.is_detectable.any(axis=1))
 
     def columns(self, cells: IntArray) -> IntArray:
         """Return the columns of reachable cells of the map, same shape."""
@@ -90,7 +90,7 @@ def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: fl
     rules = scenario.locating.rules()
     within_m = rules.confirm_range_m
     names, positions_m = targets_of(site_map, within_m)
-    cells = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m)).astype(np.intp)
+    cells = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m))
     places_m = site_map.centres_m[cells]
     away_m = places_m - positions_m[:, np.newaxis, :2]
     range_m = np.linalg.norm(away_m, axis=-1)
@@ -167,7 +167,5 @@ def _worst_gain(config: ArrayConfig, elevations_rad: FloatArray) -> FloatArray:
     antenna already includes the loss of half the power (`pdpatrol.sensing.radio.polarisation.received`).
     """
     array, headings_rad = HelicalArray.nominal(config), np.radians(np.arange(0.0, 360.0, 2.0))
-    shape = (headings_rad.size, elevations_rad.size, array.n_elements)
-    azimuth_rad = np.broadcast_to(headings_rad[:, np.newaxis, np.newaxis], shape)
-    gain = array.gain(azimuth_rad, np.broadcast_to(elevations_rad[:, np.newaxis], shape))
+    gain = array.gain(headings_rad[:, np.newaxis, np.newaxis], elevations_rad[:, np.newaxis])
     return gain.max(axis=-1).min(axis=0)

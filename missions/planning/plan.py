@@ -145,5 +145,4 @@ def with_planned_route(scenario: Scenario) -> Scenario:
 @lru_cache(maxsize=16)
 def _planned_waypoints(scenario: str) -> tuple[tuple[float, float], ...]:
     """Plan the waypoints for a scenario given as JSON, cached so that missions with different seeds share a plan."""
-    plan = make_plan(restore_scenario(json.loads(scenario)))
-    return tuple((float(x), float(y)) for x, y in plan.stops_m)
+    return tuple(map(tuple, make_plan(restore_scenario(json.loads(scenario))).stops_m.tolist()))

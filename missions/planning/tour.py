@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, distances_along
+from pdpatrol.missions.driving.site_map import SiteMap, distances_along
 from pdpatrol.missions.planning.cover import TINY_RAD, coverage
 from pdpatrol.missions.planning.detectability import Detectability
 
@@ -42,26 +42,17 @@ class ShortestTours:
 
     Attributes:
         dock: Cell where tours start and end.
+        reach: Function that returns all shortest paths from a cell.
     """
 
     def __init__(self, site_map: SiteMap) -> None:
         self.dock = site_map.cell(site_map.route.dock_m)
-        self._map = site_map
-        self._reached: dict[int, ShortestPaths] = {}
-        self._lengths_m: dict[tuple[int, int], float] = {}
-
-    def reach(self, cell: int) -> ShortestPaths:
-        """Return all shortest paths from a cell."""
-        if cell not in self._reached:
-            self._reached[cell] = self._map.reach(self._map.centres_m[cell])
-        return self._reached[cell]
+        self.reach = cache(lambda cell: site_map.reach(site_map.centres_m[cell]))
+        self._length_m = cache(lambda first, last: distances_along(self.reach(first).path(last))[-1])
 
     def length_m(self, first: int, last: int) -> float:
         """Return the length of the path between two cells, the same in both directions."""
-        ends = min(first, last), max(first, last)
-        if ends not in self._lengths_m:
-            self._lengths_m[ends] = distances_along(self.reach(ends[0]).path(ends[1]))[-1]
-        return self._lengths_m[ends]
+        return self._length_m(min(first, last), max(first, last))
 
     def lengths_m(self, cells: Sequence[int]) -> FloatArray:
         """Return the lengths of the paths between all of some cells, shape (n, n), symmetric."""
@@ -75,7 +66,7 @@ class ShortestTours:
         legs = list(pairwise((self.dock, *stops, self.dock)))
         cells = [self.reach(start).cells(end)[1:] for start, end in legs]
         length_m = sum(self.length_m(*leg) for leg in legs)
-        return Tour(np.array(stops, dtype=np.intp), np.concatenate([[self.dock], *cells]).astype(np.intp), length_m)
+        return Tour(np.array(stops, dtype=np.intp), np.concatenate([[self.dock], *cells]), length_m)
 
     def shortest(self, stops: Sequence[int]) -> Tour:
         """Return the shortest tour past all stops, in the direction in which the first stop has the smaller number."""
@@ -103,25 +94,23 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
         return tuple(range(n))
     first, second = np.triu_indices(n, 1)
     place = np.arange(n)[:, np.newaxis]
-    degree = csr_array(((first == place) | (second == place)).astype(np.float64))
-    constraints = [LinearConstraint(degree, 2.0, 2.0)]
+    constraints = [LinearConstraint((first == place) | (second == place), 2.0, 2.0)]
     while True:
         solution = milp(
             lengths_m[first, second],
-            integrality=np.ones(first.size, dtype=np.intp),
+            integrality=[1],
             bounds=Bounds(0.0, 1.0),
             constraints=constraints,
             options={"mip_rel_gap": 0.0, "node_limit": 10_000},
         )
-        chosen = np.flatnonzero(np.asarray(solution.x) > 0.5)
-        joined = csr_array((np.ones(chosen.size), (first[chosen], second[chosen])), shape=(n, n))
+        joined = np.zeros((n, n))
+        joined[first, second] = np.asarray(solution.x) > 0.5
         n_tours, tour = connected_components(joined, directed=False)
         if n_tours == 1:
             order = depth_first_order(joined, 0, directed=False, return_predecessors=False)
             return tuple(order.tolist())
         for k in range(n_tours):
-            leaves = (tour[first] == k) != (tour[second] == k)
-            constraints.append(LinearConstraint(csr_array(leaves[np.newaxis].astype(np.float64)), 2.0, np.inf))
+            constraints.append(LinearConstraint((tour[first] == k) != (tour[second] == k), 2.0))
 
 
 class TourShortener:
@@ -162,7 +151,7 @@ class TourShortener:
     def _covers(self, cells: IntArray, targets: BoolArray) -> BoolArray:
         """Return which of some targets, given by mask, are covered as required."""
         offered = coverage(self._detectability, self._detectability.columns(np.unique(cells)), targets)
-        return np.asarray((offered >= self._required[targets] - TINY_RAD).all(axis=1), dtype=np.bool_)
+        return np.asarray((offered >= self._required[targets] - TINY_RAD).all(axis=1))
 
     def _covers_all(self, tour: Tour) -> bool:
         return bool(self._covers(tour.cells, ~self._detectability.is_blind).all())
