@@ -222,19 +222,20 @@ def as_boresights(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatAr
 
 
 @compiled_inner
-def _frame_of_boresight(boresight: Boresight, x: float, y: float, z: float) -> tuple[float, float, float, float]:
-    """Compute components of a vector: level and to the left of the azimuth of a boresight, along it, and across it."""
+def frame_of_boresight(boresight: Boresight, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Compute components of a vector: level along the azimuth of a boresight, left of it, along and above it."""
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
     left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
     ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
     up = boresight.cos_elevation * z - boresight.sin_elevation * level
-    return level, left, ahead, math.sqrt(left * left + up * up)
+    return level, left, ahead, up
 
 
 @compiled
 def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
     """Compute the gain of an element along the vector (x, y, z), z up, of any length; see `gain_in_space`."""
-    _, left, ahead, across = _frame_of_boresight(boresight, x, y, z)
+    _, left, ahead, up = frame_of_boresight(boresight, x, y, z)
+    across = math.sqrt(left * left + up * up)
     psi = math.atan2(across, ahead)
     half_roll = 0.5 * left / max(across, NEAR_AXIS)
     to_left, _ = pattern_gain_and_slope(pattern, psi)
@@ -248,7 +249,8 @@ def gain_and_slopes_towards(
 ) -> tuple[float, float, float]:
     """Compute the gain along the unit vector (x, y, z) and its slopes per radian of azimuth and elevation."""
     sideways = max(math.hypot(x, y), NEAR_AXIS)
-    level, left, ahead, sin_psi = _frame_of_boresight(boresight, x, y, z)
+    level, left, ahead, up = frame_of_boresight(boresight, x, y, z)
+    sin_psi = math.sqrt(left * left + up * up)
     psi = math.atan2(sin_psi, ahead)
     to_left, slope_left = pattern_gain_and_slope(pattern, psi)
     to_right, slope_right = pattern_gain_and_slope(pattern, -psi)

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from dirmusic.array.pattern import Boresight, PatternTable, as_boresights, tabulate
+from dirmusic.array.pattern import Boresight, PatternTable, as_boresights, frame_of_boresight
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled_inner
@@ -37,10 +37,7 @@ def look_up_gains(grid: FloatArray, boresight: Boresight, x: float, y: float, z:
         z: Component z, up.
         gain: Filled in, shape (n_bands,).
     """
-    forward = boresight.cos_azimuth * x + boresight.sin_azimuth * y
-    left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
-    ahead = boresight.cos_elevation * forward + boresight.sin_elevation * z
-    up = boresight.cos_elevation * z - boresight.sin_elevation * forward
+    _, left, ahead, up = frame_of_boresight(boresight, x, y, z)
     azimuth = math.atan2(left, ahead) / GRID_STEP_RAD
     elevation = (math.atan2(up, math.hypot(left, ahead)) + 0.5 * math.pi) / GRID_STEP_RAD
     n_azimuths, n_elevations, n_bands = grid.shape
@@ -79,26 +76,15 @@ class ArrayTable(NamedTuple):
     band_peak: FloatArray
 
     @classmethod
-    def of(
-        cls,
-        array: HelicalArray,
-        pattern: PatternTable | None = None,
-        grid: tuple[FloatArray, FloatArray] | None = None,
-    ) -> Self:
-        """Make the table of an array.
-
-        Args:
-            array: The array.
-            pattern: Table of its pattern, which several arrays can share; None to make one.
-            grid: Fields `grid` and `band_peak` of a pattern over all directions and frequencies; None for a pattern in
-                the plane.
-        """
+    def of(cls, array: HelicalArray, pattern: PatternTable, grid: FloatArray, band_peak: FloatArray) -> Self:
+        """Make the table of an array; for the other arguments, see the attributes."""
         return cls(
-            np.array(array.positions_m),
+            array.positions_m,
             Vector(*array.positions_m.mean(axis=0).tolist()),
-            np.array(as_boresights(array.boresights_rad, array.boresight_elevations_rad)),
-            np.array(array.gain_factors),
-            np.array(array.gain_offsets),
-            pattern or tabulate(array.manifold().pattern),
-            *(grid or (np.empty((0, 0, 1)), np.ones(1))),
+            as_boresights(array.boresights_rad, array.boresight_elevations_rad),
+            array.gain_factors.copy(),
+            array.gain_offsets.copy(),
+            pattern,
+            grid,
+            band_peak,
         )

@@ -216,14 +216,14 @@ class HelicalArray:
             gain_offsets=rng.uniform(-config.gain_offset, config.gain_offset, n),
         )
 
-    def manifold(self, band_hz: tuple[float, float] | None = None) -> GainManifold:
-        """Return the far-field manifold of the array; estimators use that of the nominal array.
+    def cut(self, band_hz: tuple[float, float] | None = None) -> GainPattern:
+        """Return the pattern in the plane; if it depends on frequency, its rms over a band, by default all."""
+        return self.pattern.cut(band_hz) if isinstance(self.pattern, SpatialPattern) else self.pattern
 
-        Args:
-            band_hz: Band over which a pattern that depends on frequency is averaged; by default all its frequencies.
-        """
-        cut = self.pattern.cut(band_hz) if isinstance(self.pattern, SpatialPattern) else self.pattern
-        return GainManifold(cut, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
+    def manifold(self, band_hz: tuple[float, float] | None = None) -> GainManifold:
+        """Return the far-field manifold in a band, as in `cut`; estimators use that of the nominal array."""
+        pattern = self.cut(band_hz)
+        return GainManifold(pattern, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
 
     def band_manifolds(self, edges_hz: Sequence[float]) -> tuple[GainManifold, ...]:
         """Return the manifolds of both halves of each sub-band; for a pattern in the plane, they are all equal.

@@ -362,8 +362,8 @@ def edge_faces(edge: BoxEdge, source: Vector, target: Vector, material: Material
     extent of the face is not known here, so a source anywhere in its plane, on its side of the edge, counts as mounted
     on it.
     """
-    first = face_reflection(min(abs(source.x - edge.x) / distance_across(edge, source), 1.0), material)
-    last = face_reflection(min(abs(target.y - edge.y) / distance_across(edge, target), 1.0), material)
+    first = face_reflection(abs(source.x - edge.x) / distance_across(edge, source), material)
+    last = face_reflection(abs(target.y - edge.y) / distance_across(edge, target), material)
     if abs(source.x - edge.x) <= OWN_FACE_M and (source.y - edge.y) * edge.out_y <= 0.0:
         first = Reflection(0j, 0j)
     if abs(source.y - edge.y) <= OWN_FACE_M and (source.x - edge.x) * edge.out_x <= 0.0:

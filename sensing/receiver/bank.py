@@ -90,7 +90,7 @@ class ReceiverBank:
         array = listeners[0].array
         self._receiver, self._n_threads = Receiver(config, array.n_elements), n_threads
         self._reading, self._grid = self._receiver.reading(), self._receiver.grid(array)
-        self._pattern = tabulate(array.manifold().pattern)
+        self._pattern = tabulate(array.cut())
         self._listeners, self._states = list(listeners), [self._state(listener) for listener in listeners]
         self._found = [self._room(64) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
@@ -157,7 +157,7 @@ class ReceiverBank:
     def _state(self, listener: Listener) -> Held[ReceiverState]:
         """Return the state of a robot's receiver at time 0, without carriers."""
         receiver, scene, array = self._receiver, listener.scene, listener.array
-        table, positions_m = ArrayTable.of(array, self._pattern, self._grid), scene.positions_m.copy()
+        table, positions_m = ArrayTable.of(array, self._pattern, *self._grid), scene.positions_m.copy()
         return Held(
             ReceiverState(
                 sampler=receiver.sampler(array),

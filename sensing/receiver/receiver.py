@@ -97,10 +97,10 @@ class Receiver:
         highest, spread = float(2 ** (config.bits - 1) - 1), front_end.energy_spread
         return GateReading(self.step_v, highest, config.mains_hz, spread, front_end.noise_on_pulse, band_lines, *bands)
 
-    def grid(self, array: HelicalArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return the grid of gains of an array for `ArrayTable.of`; None for a pattern in the plane."""
+    def grid(self, array: HelicalArray) -> tuple[FloatArray, FloatArray]:
+        """Return `grid` and `band_peak` of the `ArrayTable` of an array."""
         if not isinstance(array.pattern, SpatialPattern):
-            return None
+            return np.empty((0, 0, 1)), np.ones(1)
         pulse, bands_hz = self.sampler(array).pulse, self.front_end.bands_hz(array.pattern.frequency_hz)
         peak = np.sqrt(np.square(pulse.sine_v) + np.square(pulse.cosine_v)).max(axis=(1, 2))
         return gain_grid(array.pattern, bands_hz), peak

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from dirmusic.array.pattern import tabulate
 from dirmusic.arrays import FloatArray
 from pdpatrol.sensing import (
     ArrayConfig,
@@ -19,6 +20,7 @@ from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
 from pdpatrol.sensing.receiver.bank import Listener, listen_once
 from pdpatrol.sensing.receiver.front_end import FrontEnd
+from pdpatrol.sensing.receiver.receiver import Receiver
 from pdpatrol.sensing.receiver.sampling import add_noise, settle
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
@@ -63,10 +65,15 @@ def listener(*sources: DischargeSource, seed: int = 0) -> Listener:
     return Listener(array=NOMINAL, scene=Scene(list(sources)), nature_rng=nature, receiver_rng=noise)
 
 
+def table_of(array: HelicalArray) -> ArrayTable:
+    """Return the table of an array for the default receiver."""
+    return ArrayTable.of(array, tabulate(array.cut()), *Receiver(ReceiverConfig(), 6).grid(array))
+
+
 def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: np.ndarray) -> Arrivals:
     """Return the arrivals of the first source of a scene by all paths."""
     sources = scene.positions_m[:1], scene.axes[:1], scene.burst_s[:1]
-    around = Propagation(*sources, ArrayTable.of(array), scene.surroundings)
+    around = Propagation(*sources, table_of(array), scene.surroundings)
     return propagate(np.zeros(1), world_from_array, around)[1]
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic.array.pattern import Boresight, gain_and_slopes_towards, gain_in_space, gain_towards
 from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
-from pdpatrol.sensing.array.array_table import ArrayTable
+from tests.sensing.listening import table_of
 
 TILTED = ArrayConfig(
     elements=tuple(ElementConfig(azimuth_deg=60.0 * k, elevation_deg=(-50.0, 20.0, 89.0)[k % 3]) for k in range(6))
@@ -16,7 +16,7 @@ TILTED = ArrayConfig(
 def test_tabulated_gain_and_slopes_match_formula(config: ArrayConfig) -> None:
     """The compiled table of the gain agrees with the formula that direction finding uses."""
     rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
-    table, off = ArrayTable.of(array), []
+    table, off = table_of(array), []
     for azimuth, elevation in zip(rng.uniform(-np.pi, np.pi, 200), rng.uniform(-1.5, 1.5, 200), strict=True):
         level = np.cos(elevation)
         towards = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
@@ -25,7 +25,7 @@ def test_tabulated_gain_and_slopes_match_formula(config: ArrayConfig) -> None:
         gain = [gain_towards(table.pattern, look, *np.multiply(5.0, towards)) for look in looks]
         np.testing.assert_allclose(gain, by_table[:, 0], atol=1e-12)
         off_rad = azimuth - array.boresights_rad
-        by_formula = gain_in_space(array.manifold().pattern, off_rad, elevation, array.boresight_elevations_rad)
+        by_formula = gain_in_space(array.cut(), off_rad, elevation, array.boresight_elevations_rad)
         off.append(np.sort(np.abs(by_table - np.stack(by_formula, axis=-1)), axis=0))
         in_space = array.gain(np.full(len(looks), azimuth), np.full(len(looks), elevation))
         np.testing.assert_array_equal(in_space, array.gain_factors * by_formula.gain + array.gain_offsets)

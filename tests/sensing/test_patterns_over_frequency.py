@@ -17,7 +17,6 @@ from pdpatrol.sensing import (
     HelicalArray,
     ReceiverConfig,
 )
-from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.helical_array import SHIPPED_PATTERNS, ElementConfig
 from pdpatrol.sensing.radio.arrivals import arrive
 from pdpatrol.sensing.radio.geometry import Frame, Vector
@@ -25,7 +24,7 @@ from pdpatrol.sensing.radio.ray_paths import PATH, RayPaths
 from pdpatrol.sensing.receiver.front_end import PHASES
 from pdpatrol.sensing.receiver.receiver import Receiver
 from pdpatrol.sensing.receiver.sampling import Signal, add_emission
-from tests.sensing.listening import listen
+from tests.sensing.listening import listen, table_of
 
 HELIX = SHIPPED_PATTERNS["helix_in_ring"]
 RECEIVER = Receiver(ReceiverConfig(), 6)
@@ -43,7 +42,7 @@ def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: f
     row["x"], row["y"], row["z"] = from_m
     row["coefficient"] = 1.0
     paths, axes = RayPaths(row, np.array([0, 1])), (Vector(*axis) for axis in [*np.eye(3), np.zeros(3)])
-    arrivals = arrive(paths, Frame(*axes), ArrayTable.of(array, grid=RECEIVER.grid(array)))
+    arrivals = arrive(paths, Frame(*axes), table_of(array))
     volts, pulse = np.zeros((array.n_elements, n_samples)), RECEIVER.sampler(array).pulse
     for e in range(array.n_elements):
         add_emission(volts[e], e, start_s, Signal(1.0, 0.0, arrivals.delay_s, arrivals.amplitude), pulse)
@@ -56,7 +55,7 @@ def test_flat_table_is_received_like_its_pattern(tilt_deg: float) -> None:
     config = ArrayConfig(
         elements=tuple(ElementConfig(azimuth_deg=90.0 - 60.0 * k, elevation_deg=tilt_deg) for k in range(6))
     )
-    plane = array_with(HelicalArray.nominal(config).manifold().pattern, config)
+    plane = array_with(HelicalArray.nominal(config).cut(), config)
     azimuth, elevation = np.radians(np.arange(-180, 180, 5)), np.radians(np.arange(-90, 91, 5))
     single = ArrayConfig(elements=tuple(ElementConfig(azimuth_deg=90.0 * k) for k in range(3)))
     one = HelicalArray.nominal(single)

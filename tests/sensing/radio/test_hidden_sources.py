@@ -104,7 +104,7 @@ def field_along(surroundings: Surroundings, source: FloatArray, at: FloatArray) 
         paths = find_ray_paths(source[np.newaxis], axis, np.zeros(1), target, surroundings)
         to_image, length_m = origins_m(paths) - np.array(target), lengths_m(paths, target)
         azimuth = np.arctan2(to_image[:, 1], to_image[:, 0])
-        gain = NOMINAL.manifold().pattern(azimuth[:, np.newaxis] - NOMINAL.boresights_rad)
+        gain = NOMINAL.cut()(azimuth[:, np.newaxis] - NOMINAL.boresights_rad)
         found[i] = (paths.rows["coefficient"] / length_m * np.exp(-1j * K * length_m)) @ gain
     return found
 

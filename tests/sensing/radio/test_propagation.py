@@ -1,5 +1,6 @@
 """Ray paths: spreading, delay, reflection and obstacles."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
 from pdpatrol.sensing import ArrayConfig, HelicalArray, Surroundings, level_transform
-from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.arrivals import Propagation, propagate
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M
 from pdpatrol.sensing.radio.surroundings import made_of
+from tests.sensing.listening import NOMINAL, listen, source_at, table_of
 from tests.sensing.scenes import lossy, origins_m, solids_at, wall_face
 
 AT_ORIGIN = np.eye(4)
@@ -49,7 +50,7 @@ def paths_between(
         gain_factors=one,
         gain_offsets=zero,
     )
-    table = ArrayTable.of(element)
+    table = table_of(element)
     around = Propagation(np.array([source_m]), np.array([axis]), np.zeros(1), table, surroundings)
     ray_paths, arrivals = propagate(np.zeros(1), world_from_array, around)
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
@@ -134,3 +135,9 @@ def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
         reflected = vertical if is_upright else horizontal
         expected = abs(np.exp(-1j * k * direct_m) / direct_m + reflected * np.exp(-1j * k * bounced_m) / bounced_m)
         assert 20 * np.log10(level / expected) == pytest.approx(0.0, abs=0.1)
+
+
+def test_array_without_direction_receives() -> None:
+    """A true pattern with equal gain in all directions is simulated, although no manifold can be made of it."""
+    array = replace(NOMINAL, pattern=Isotropic())
+    assert listen(source_at(5.0, 0.0), array=array, duration_s=0.05).pulses.n_pulses > 20
