@@ -76,12 +76,12 @@ def _with_deviation(found: Bearings, method_std_rad: FloatArray | float) -> Bear
     return found._replace(std_rad=np.where(found.std_rad > UNKNOWN_STD_RAD, found.std_rad, std_rad))
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _grid_gain(manifold: GainManifold) -> FloatArray:
     return manifold.gain(GRID_RAD)
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def _sector_std(manifold: GainManifold) -> FloatArray:
     """Compute the rms error of each boresight over the directions in which its element is the strongest."""
     element = manifold.search_gain.argmax(axis=0)

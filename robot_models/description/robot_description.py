@@ -63,19 +63,12 @@ class RobotDescription:
         return self.max_speed_mps, self.max_yaw_rate_radps
 
     def command_from_action(self, action: ArrayLike) -> FloatArray:
-        """Convert actions, given as fractions of the limits, to speeds, m/s, and yaw rates, rad/s, shape (..., 2).
-
-        Raises:
-            ValueError: If the last axis of `action` does not have length 2.
-        """
-        shares = np.asarray(action, dtype=np.float64)
-        if shares.shape[-1:] != (2,):
-            raise ValueError(f"`action` must have shape (..., 2), speed and yaw rate, got {shares.shape}")
-        return shares * np.array(self.limits)
+        """Convert actions, given as fractions of the limits, to speeds, m/s, and yaw rates, rad/s, shape (..., 2)."""
+        return np.asarray(action, dtype=np.float64) * self.limits
 
     def action_from_command(self, command: ArrayLike) -> NDArray[np.float32]:
         """Convert speeds, m/s, and yaw rates, rad/s, to actions in [-1, 1], clipped to the limits, shape (..., 2)."""
-        return np.clip(np.asarray(command, dtype=np.float64) / np.array(self.limits), -1.0, 1.0).astype(np.float32)
+        return np.clip(np.asarray(command, dtype=np.float64) / self.limits, -1.0, 1.0).astype(np.float32)
 
 
 def is_path(model: str | Path) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -13,7 +13,7 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 from pdpatrol.robot_models.equipment.kinds import Assembly
 from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
-from pdpatrol.robot_models.yard.solids import PlacedPiece, Solid, YardSolids
+from pdpatrol.robot_models.yard.solids import Solid, YardSolids
 
 Sites = Annotated[Mapping[Name, tuple[Coordinate, Coordinate, Coordinate]], Field(max_length=MOST_SITES)]
 
@@ -36,15 +36,10 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
         """Parts and sites, in the frame of the equipment."""
         raise NotImplementedError
 
-    @property
-    def placed(self) -> PlacedPiece:
-        """Solids of the parts, with the position and yaw of the equipment."""
-        return tuple(self.assembly.parts.values()), self.position_m, np.radians(self.yaw_deg)
-
     @cached_property
     def solids(self) -> YardSolids:
         """Solids of the parts, world frame."""
-        return YardSolids.of([self.placed])
+        return placed_solids([self])
 
     def site_on_surface(self, site: str) -> FloatArray:
         """Return the position of a site on the surface, world frame, shape (3,)."""
@@ -60,6 +55,20 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
         on_surface, step = self.site_on_surface(site), 1e-4 * np.eye(3)
         after, before = (self.solids.distance(on_surface + way).min(axis=-1) for way in (step, -step))
         return on_surface + SITE_STANDOFF_M * (after - before) / np.linalg.norm(after - before)
+
+
+def placed_solids(pieces: Sequence[_Equipment]) -> YardSolids:
+    """Place the solids of pieces of equipment in the world frame."""
+    parts = [item.assembly.parts.values() for item in pieces]
+    solids = [solid for each in parts for solid in each]
+    owner = np.repeat(np.arange(len(pieces)), [len(each) for each in parts])
+    columns = zip(*solids, strict=True) if solids else ((),) * 5
+    top_m, bottom_m, own, sides_m, radius_m = (np.array(values, dtype=np.float64) for values in columns)
+    position_m = np.array([item.position_m for item in pieces]).reshape(-1, 2)[owner]
+    yaw_rad = np.radians([item.yaw_deg for item in pieces])[owner]
+    (x, y), cos, sin = own.reshape(-1, 2).T, np.cos(yaw_rad), np.sin(yaw_rad)
+    centre_m = position_m + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return YardSolids(centre_m, yaw_rad, 0.5 * sides_m.reshape(-1, 2), radius_m, bottom_m, top_m, owner)
 
 
 class _PlainEquipment(_Equipment, frozen=True):

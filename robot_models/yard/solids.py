@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,10 +28,6 @@ class Solid(NamedTuple):
     radius_m: float = 0.0
 
 
-PlacedPiece = tuple[Sequence[Solid], tuple[float, float], float]
-"""Solids of a piece of equipment, its position on the ground, and its yaw, radians."""
-
-
 @dataclass(frozen=True, eq=False)  # compared by identity, because yards are compared by their fields
 class YardSolids:
     """Arrays of solids, world frame. The last axis of every result runs over the solids.
@@ -54,19 +49,6 @@ class YardSolids:
     bottom_m: FloatArray
     top_m: FloatArray
     owner: IntArray
-
-    @classmethod
-    def of(cls, pieces: Sequence[PlacedPiece]) -> YardSolids:
-        """Place the solids of pieces of equipment in the world frame."""
-        solids = [solid for parts, _, _ in pieces for solid in parts]
-        owner = np.repeat(np.arange(len(pieces)), [len(parts) for parts, _, _ in pieces])
-        columns = zip(*solids, strict=True) if solids else ((),) * 5
-        top_m, bottom_m, own, sides_m, radius_m = (np.array(values, dtype=np.float64) for values in columns)
-        position_m = np.array([position_m for _, position_m, _ in pieces], dtype=np.float64).reshape(-1, 2)[owner]
-        yaw_rad = np.array([yaw_rad for _, _, yaw_rad in pieces], dtype=np.float64)[owner]
-        (x, y), cos, sin = own.reshape(-1, 2).T, np.cos(yaw_rad), np.sin(yaw_rad)
-        centre_m = position_m + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-        return cls(centre_m, yaw_rad, 0.5 * sides_m.reshape(-1, 2), radius_m, bottom_m, top_m, owner)
 
     def take(self, chosen: BoolArray) -> YardSolids:
         """Return the solids that a mask (n_solids,) selects, in the same order."""

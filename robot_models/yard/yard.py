@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field, model_validator
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from pdpatrol.robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.yard.pieces import Equipment, placed_solids
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, YardLength
 from pdpatrol.robot_models.yard.solids import YardSolids
 
@@ -54,7 +54,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     @cached_property
     def solids(self) -> YardSolids:
         """Parts of all equipment, world frame, in file order."""
-        return YardSolids.of([item.placed for item in self.equipment])
+        return placed_solids(self.equipment)
 
     @property
     def owner(self) -> IntArray:
