@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -83,7 +84,7 @@ def print_times(stopwatch: Stopwatch) -> None:
 def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
     """Print the report as JSON, or print findings, problems of the array, the given lines, and the files written."""
     if json_output:
-        out.print_json(report_text(report))
+        sys.stdout.write(report_text(report))
         return
     print_findings(report)
     for heading, doubts in (("Receiver", report.channel_faults), ("Calibration", report.calibration)):

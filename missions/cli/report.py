@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from pdpatrol.missions.cli.arguments import JsonOutput, MissionFolder
 from pdpatrol.missions.cli.mission_files import print_findings, write_report
-from pdpatrol.missions.cli.terminal import out, print_written, refuse
+from pdpatrol.missions.cli.terminal import print_written, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import report_text
 
@@ -32,7 +33,7 @@ def report(
     with refused_if_damaged(folder):
         made = write_report(log, folder)
     if json_output:
-        out.print_json(report_text(made))
+        sys.stdout.write(report_text(made))
         return
     print_findings(made)
     print_written(folder, "report.json", "report.html")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -44,7 +45,7 @@ def trend(
             write_text(folder / "trend.json", report_text(found))
             write_text(folder / "trend.html", trend_page(found, inspections))
     if json_output:
-        out.print_json(report_text(found))
+        sys.stdout.write(report_text(found))
         return
     title = f"{found.scenario}: {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}, 99 % intervals"
     table = Table(*HEADINGS, title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
