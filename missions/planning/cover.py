@@ -25,20 +25,20 @@ MIN_CELLS = 12
 second, nearly four times the pulses needed to confirm a finding."""
 
 
-def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray | None = None) -> FloatArray:
-    """Return how well some columns cover targets, shape (n_targets, 3).
+def coverage(detectability: Detectability, cells: IntArray, targets: BoolArray | None = None) -> FloatArray:
+    """Return how well some cells of the map cover targets, shape (n_targets, 3).
 
     Args:
         detectability: Places from which targets are detectable.
-        columns: Columns of `detectability`, without duplicates.
+        cells: Reachable cells; duplicates count once.
         targets: Mask of the targets, shape (n_targets,); by default all.
 
     Returns:
-        Aperture in radians: the narrowest arc that contains the aspects of all columns that detect the target; the same
-        for lines of sight, whose two directions are equivalent, so at most 90 degrees; number of columns that detect
-        the target.
+        Aperture in radians: the narrowest arc that contains the aspects of all cells that detect the target; the same
+        for lines of sight, whose two directions are equivalent, so at most 90 degrees; number of cells that detect the
+        target.
     """
-    rows = slice(None) if targets is None else targets
+    rows, columns = slice(None) if targets is None else targets, detectability.columns(np.unique(cells))
     aspect_rad, detects = detectability.aspect_rad[:, columns][rows], detectability.is_detectable[:, columns][rows]
     seen_rad = (aspects[mask] for aspects, mask in zip(aspect_rad, detects, strict=True))
     each = [(aperture(seen), min(0.5 * aperture(2.0 * seen), 0.5 * np.pi), seen.size) for seen in seen_rad]

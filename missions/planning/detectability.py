@@ -126,7 +126,10 @@ def _robust(is_detectable: BoolArray, cells: IntArray, site_map: SiteMap) -> Boo
 
 
 class DirectPaths:
-    """Levels of discharges along the direct path, for the worst heading of the robot.
+    """Levels of discharges along the direct path at the strongest element, for the worst heading of the robot.
+
+    A linearly polarised wave has no further loss, whatever its direction: the measured gain of a circularly polarised
+    antenna already includes the loss of half the power (`pdpatrol.sensing.radio.polarisation.received`).
 
     Args:
         array: The array.
@@ -136,8 +139,9 @@ class DirectPaths:
 
     def __init__(self, array: ArrayConfig, receiver: ReceiverConfig, sight: Sight) -> None:
         self._height_m = array.height_m
-        self._elevations_rad = np.radians(np.arange(-90.0, 91.0))
-        self._worst_gain = _worst_gain(array, self._elevations_rad)
+        self._elevations_rad, headings_rad = np.radians(np.arange(-90.0, 91.0)), np.radians(np.arange(0.0, 360.0, 2.0))
+        towards = headings_rad[:, np.newaxis, np.newaxis], self._elevations_rad[:, np.newaxis]
+        self._worst_gain = HelicalArray.nominal(array).gain(*towards).max(axis=-1).min(axis=0)
         trigger = Receiver(receiver, array.n_channels)
         self._trigger_v = trigger.threshold_v / trigger.front_end.pulse_peak  # before the band-pass filter
         self._sight = sight
@@ -158,14 +162,3 @@ class DirectPaths:
         peak_v = amplitude_v * transmission * gain
         with np.errstate(divide="ignore"):
             return transmission, 20 * np.log10(peak_v / (np.hypot(range_m, rise_m) * self._trigger_v))
-
-
-def _worst_gain(config: ArrayConfig, elevations_rad: FloatArray) -> FloatArray:
-    """Return the gain of the strongest element in the robot's worst heading, same shape as the elevations (n,).
-
-    A linearly polarised wave has no further loss, whatever its direction: the measured gain of a circularly polarised
-    antenna already includes the loss of half the power (`pdpatrol.sensing.radio.polarisation.received`).
-    """
-    array, headings_rad = HelicalArray.nominal(config), np.radians(np.arange(0.0, 360.0, 2.0))
-    gain = array.gain(headings_rad[:, np.newaxis, np.newaxis], elevations_rad[:, np.newaxis])
-    return gain.max(axis=-1).min(axis=0)

@@ -62,7 +62,7 @@ class Plan(NamedTuple):
         is_detected = where.is_detectable[:, path]
         level_db = np.where(is_detected, where.level_db[:, path], -np.inf).max(axis=1)
         nearest_m = np.where(is_detected, where.range_m[:, path], np.inf).min(axis=1)
-        rows = np.column_stack([level_db, coverage(where, path)[:, 0], nearest_m]).tolist()
+        rows = np.column_stack([level_db, coverage(where, self.tour.cells)[:, 0], nearest_m]).tolist()
         return [None if blind else SiteDetection(*row) for row, blind in zip(rows, where.is_blind, strict=True)]
 
 
@@ -95,12 +95,12 @@ def make_plan(
     detectability = compute_detectability(scenario, site_map, amplitude_v)
     progress("cover", 0.1)
     clearance_m = site_map.clearance_m[detectability.cells]
-    everywhere = np.arange(detectability.cells.size)
-    required_rad = np.minimum(coverage(detectability, everywhere)[:, 0], scenario.locating.rules().planned_aperture_rad)
+    widest_rad = coverage(detectability, detectability.cells)[:, 0]
+    required_rad = np.minimum(widest_rad, scenario.locating.rules().planned_aperture_rad)
     columns = cover(detectability, candidates(detectability, clearance_m, required_rad), required_rad)
     tours = ShortestTours(site_map)
     longer = tours.shortest(detectability.cells[columns].tolist())
-    offered = coverage(detectability, detectability.columns(np.unique(longer.cells)))
+    offered = coverage(detectability, longer.cells)
     required = np.column_stack([required_rad, np.minimum(offered[:, 1:], [CROSSING_RAD, MIN_CELLS])])
     every_fourth = np.floor(detectability.places_m / CELL_M).astype(np.intp) % 4 == 2  # 1 m apart (assumed)
     is_stop = every_fourth.all(axis=1) & (clearance_m >= COMFORT_M)

@@ -150,7 +150,7 @@ class TourShortener:
 
     def _covers(self, cells: IntArray, targets: BoolArray) -> BoolArray:
         """Return which of some targets, given by mask, are covered as required."""
-        offered = coverage(self._detectability, self._detectability.columns(np.unique(cells)), targets)
+        offered = coverage(self._detectability, cells, targets)
         return np.asarray((offered >= self._required[targets] - TINY_RAD).all(axis=1))
 
     def _covers_all(self, tour: Tour) -> bool:

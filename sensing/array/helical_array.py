@@ -240,7 +240,7 @@ class HelicalArray:
 
         Args:
             azimuth_rad: Azimuths of the directions, shape (..., n_elements).
-            elevation_rad: Elevations of the directions, same shape.
+            elevation_rad: Elevations of the directions; broadcast with the azimuths.
             frequency_hz: Frequency, on which only some patterns depend.
 
         Returns:

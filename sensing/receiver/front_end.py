@@ -83,8 +83,6 @@ class FrontEnd:
     @cached_property
     def _impulse_response(self) -> FloatArray:
         """Impulse response, truncated where a millionth of its energy remains."""
-        if not self._sections.size:
-            return np.ones(1)
         impulse = np.zeros(2**16)  # long enough for the narrowest band
         impulse[0] = 1.0
         response = self.filter(impulse)

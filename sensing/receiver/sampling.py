@@ -284,16 +284,11 @@ def tail_probability(sigmas: float) -> float:
 
 @compiled_inner
 def draw_tail(sigmas: float, rng: np.random.Generator) -> float:
-    """Draw a standard normal variable conditioned on being larger than `sigmas`.
+    """Draw a standard normal variable conditioned on being larger than `sigmas`, which is above 0.5.
 
     The method is rejection from an exponential distribution (C. P. Robert, Simulation of truncated normal variables,
-    1995); for `sigmas` below 0.5, it is rejection from the normal distribution.
+    1995). A sample is pinned only if its probability is at most `LIKELY`, so that it needs that much noise.
     """
-    if sigmas < 0.5:
-        drawn = rng.standard_normal()
-        while drawn <= sigmas:
-            drawn = rng.standard_normal()
-        return drawn
     rate = 0.5 * (sigmas + math.sqrt(sigmas * sigmas + 4.0))
     while True:
         drawn = sigmas - math.log(1.0 - rng.random()) / rate

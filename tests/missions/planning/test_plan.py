@@ -51,7 +51,7 @@ def check(plan: Plan) -> None:
 def covers_enough(plan: Plan, cells: IntArray) -> bool:
     """Return True if the given cells cover each site as the plan requires."""
     where = plan.detectability
-    return bool((coverage(where, where.columns(cells)) >= plan.required - 1e-6).all())
+    return bool((coverage(where, cells) >= plan.required - 1e-6).all())
 
 
 @pytest.mark.parametrize("name", YARDS)
