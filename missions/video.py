@@ -62,7 +62,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
     from imageio.v2 import get_writer  # an optional dependency
 
     kind, rate = path.suffix.lower(), 10
-    frame_s = (pace or max(float(time_s[-1]) / CLIP_S, 1.0)) / rate
+    frame_s = (pace or max(time_s[-1] / CLIP_S, 1.0)) / rate
     steps = np.append(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], frame_s)), time_s.size - 1)
     options: dict[str, Any] = {"duration": 1000 / rate, "loop": 0} if kind == ".gif" else {"fps": rate}
     with TemporaryDirectory() as folder:  # the encoder chooses the format by the file name
@@ -134,9 +134,7 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
 def latest_bearings(log: MissionLog, step: int, max_age_s: float) -> tuple[FloatArray, FloatArray]:
     """Return robot positions (n, 2) and bearings (n,) of the latest pulses up to a step."""
     stop = log.rows_before("bearing", step + 1)
-    start = max(stop - MAX_BEARINGS, 0)
-    pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse", start, stop)]
-    time_s = log.column("step", "time_s")
+    bearing = log.table("bearing", max(stop - MAX_BEARINGS, 0), stop)
+    pulse_step, time_s = log.column("pulse", "step")[bearing["pulse"]], log.column("step", "time_s")
     recent = time_s[step] - time_s[pulse_step] <= max_age_s
-    bearing_rad = log.column("bearing", "bearing_rad", start, stop)[recent]
-    return log.column("step", "pose")[pulse_step[recent], :2], bearing_rad
+    return log.column("step", "pose")[pulse_step[recent], :2], bearing["bearing_rad"][recent]

@@ -111,5 +111,5 @@ def draw_plan(plan: Plan, path: Path) -> None:
         axes.plot(*position_m, "X", color=BLIND_COLOUR, markersize=12, zorder=7, label=label)
         axes.annotate(name, position_m, (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR)
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
-    draw_legend(axes, 4)
+    draw_legend(axes)
     figure.savefig(path, dpi=110, format="png")

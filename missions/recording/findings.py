@@ -45,7 +45,7 @@ def draw_findings(stream: rr.RecordingStream, part: LogBin) -> None:
 
 
 def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> None:
-    state, number = str(finding["state"]), int(finding["id"])
+    state, number = finding["state"], finding["id"]
     path = f"world/findings/{number}"
     if state == "dropped":
         stream.log(path, rr.Clear(recursive=True))

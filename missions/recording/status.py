@@ -55,6 +55,6 @@ def draw_status(stream: rr.RecordingStream, part: LogBin) -> None:
         size_m = ellipse95(table["covariance_m2"][row, :2, :2]).semi_major_m
         size = f"{size_m:.2f} m" if size_m < 100.0 else "> 100 m"
         aperture = f"{np.degrees(table['aperture_rad'][row]):.0f}°"
-        title = name_of(str(table["state"][row]), int(table["id"][row]))
+        title = name_of(table["state"][row], table["id"][row])
         lines.append(f"| **{title}** | {x:.1f}, {y:.1f} | {z:.1f} m | {size} | {aperture} |")
     _draw_text(stream, lines)

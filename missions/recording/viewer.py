@@ -26,25 +26,21 @@ START_LIMIT_S = 60.0
 """Time after which a viewer is considered unable to start. Assumed; two seconds are usual."""
 
 
-class ViewerError(OSError):
-    """Raised if this machine cannot show a recording; the message is the reason."""
-
-
 def _check_screen() -> None:
     """Check that there is a screen to open a window on.
 
     Raises:
-        ViewerError: If no screen is available.
+        OSError: If no screen is available.
     """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ViewerError("no screen to open a viewer on; `pdpatrol replay --web` shows missions in a browser")
+        raise OSError("no screen to open a viewer on; `pdpatrol replay --web` shows missions in a browser")
 
 
 def open_viewer(recordings: Sequence[Path]) -> None:
     """Show recordings in the native viewer and wait until it is closed.
 
     Raises:
-        ViewerError: If it cannot be opened.
+        OSError: If it cannot be opened.
     """
     _check_screen()
     with _rerun("--new", *(path.resolve() for path in recordings)) as viewer:
@@ -59,7 +55,7 @@ def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
         announce: Function called with the address when it can be opened.
 
     Raises:
-        ViewerError: If they cannot be served.
+        OSError: If they cannot be served.
     """
     port, web_port = _free_port(), _free_port()
     options = ("--serve-web", "--port", port, "--web-viewer-port", web_port)
@@ -77,7 +73,7 @@ def take_screenshot(recording: Path, at_s: float) -> bytes:
         at_s: Simulated time to show.
 
     Raises:
-        ViewerError: If the viewer cannot draw on this machine.
+        OSError: If the viewer cannot draw on this machine.
     """
     port = _free_port()
     with _rerun("--headless", "--window-size", "1600x1000", "--hide-welcome-screen", "--port", port) as viewer:
@@ -92,7 +88,7 @@ def take_screenshot(recording: Path, at_s: float) -> bytes:
                 time.sleep(0.5)
                 before, picture = picture, client.take_screenshot()
         except (ConnectionError, RuntimeError) as error:
-            raise ViewerError(f"the viewer cannot take a screenshot: {str(error).splitlines()[0]}") from None
+            raise OSError(f"the viewer cannot take a screenshot: {str(error).splitlines()[0]}") from None
     return picture
 
 
@@ -100,7 +96,7 @@ class LiveView:
     """Viewer of a running mission; it stays open after the mission, and if the user closes it, the mission continues.
 
     Raises:
-        ViewerError: If it cannot be opened.
+        OSError: If it cannot be opened.
     """
 
     def __init__(self) -> None:
@@ -150,12 +146,12 @@ def _wait(process: subprocess.Popen[str]) -> None:
     """Wait for the end of a process.
 
     Raises:
-        ViewerError: If it failed; the message is its last error.
+        OSError: If it failed; the message is its last error.
     """
     _, errors = process.communicate()
     if process.returncode:
         lines = [line.removeprefix("Error: ") for line in errors.splitlines() if line and not line.startswith("note:")]
-        raise ViewerError(f"the viewer does not start: {lines[-1] if lines else 'no error message'}")
+        raise OSError(f"the viewer does not start: {lines[-1] if lines else 'no error message'}")
 
 
 def _connect(viewer: subprocess.Popen[str], port: int) -> ViewerClient:
@@ -168,7 +164,7 @@ def _retry(process: subprocess.Popen[str], attempt: Callable[[], Any]) -> Any:  
     """Repeat an attempt until it succeeds, and return its result.
 
     Raises:
-        ViewerError: If the process has ended, or the attempt does not succeed in time.
+        OSError: If the process has ended, or the attempt does not succeed in time.
     """
     deadline_s = time.monotonic() + START_LIMIT_S
     while process.poll() is None and time.monotonic() < deadline_s:
@@ -177,7 +173,7 @@ def _retry(process: subprocess.Popen[str], attempt: Callable[[], Any]) -> Any:  
         time.sleep(0.1)
     if process.poll() is not None:
         _wait(process)
-    raise ViewerError("the viewer does not start")
+    raise OSError("the viewer does not start")
 
 
 def _address(port: int) -> str:

@@ -71,7 +71,7 @@ def draw_site_plan(log: MissionLog, report: Report) -> Figure:
         draw_waypoints(axes, log.meta["route"])
     for finding in (*report.candidates, *report.findings):
         draw_finding(axes, finding.id, finding.state, finding.position_m, finding.covariance_m2)
-    draw_legend(axes, 3)
+    draw_legend(axes)
     return figure
 
 
@@ -168,12 +168,10 @@ def draw_label(
     )
 
 
-def draw_legend(axes: Axes, n_columns: int) -> None:
+def draw_legend(axes: Axes) -> None:
     """Explain each label once, below the axes."""
     handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    axes.figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=n_columns, fontsize=7.5, frameon=False
-    )
+    axes.figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
 
 
 def draw_waypoints(axes: Axes, route: Mapping[str, Any]) -> None:

@@ -51,7 +51,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         policy=log.meta["policy"],
         date=log.meta.get("date"),
         versions=log.meta.get("versions", {}),
-        ending=(None, *_events(events, "end", "subject"))[-1],
+        ending=(None, *_events(events, "end", column="subject"))[-1],
         sim_time_s=float(np.ptp(time_s) if "field_data" in log.meta else time_s.max(initial=0.0)),
         wall_time_s=wall_time_s,
         distance_m=float(distances_along(step["pose"])[-1]),
@@ -62,7 +62,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         pulses=count_pulses(log),
         channel_faults=_events(events, "channel fault"),
         calibration=_events(events, "calibration"),
-        notes=(*_events(events, "note"), *_events(events, "rejected"), *_events(events, "error")),
+        notes=_events(events, "note", "rejected", "error"),
         findings=findings,
         candidates=tuple(finding for finding in found if finding.state != "confirmed"),
         inspection=inspection,
@@ -92,14 +92,14 @@ def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[An
     return {column: values[own] for column, values in table.items()}
 
 
-def _events(events: dict[str, NDArray[Any]], kind: EventKind, column: str = "text") -> tuple[Any, ...]:
-    """Return one column of the events of a kind."""
-    return tuple(events[column][events["kind"] == kind].tolist())
+def _events(events: dict[str, NDArray[Any]], *kinds: EventKind, column: str = "text") -> tuple[Any, ...]:
+    """Return one column of the events of some kinds."""
+    return tuple(events[column][np.isin(events["kind"], kinds)].tolist())
 
 
 def _waypoints(log: MissionLog) -> Waypoints:
     events, n_waypoints = log.table("event"), len(log.meta.get("route", {}).get("waypoints_m", ()))
-    visited, unreachable = (set(_events(events, kind, "number")) for kind in ("waypoint", "unreachable"))
+    visited, unreachable = (set(_events(events, kind, column="number")) for kind in ("waypoint", "unreachable"))
     missed = set(range(1, n_waypoints + 1)) - visited
     return Waypoints(
         visited=tuple(sorted(visited)), missed=tuple(sorted(missed)), unreachable=tuple(sorted(missed & unreachable))
