@@ -10,7 +10,7 @@ from pdpatrol.missions.driving.path_follower import (
     PathFollower,
     speed_profile,
 )
-from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
+from pdpatrol.missions.driving.site_map import CELL_M, MARGIN_M, SiteMap
 
 MAP = SiteMap(load_scenario("one_source"))
 
@@ -23,6 +23,13 @@ def test_paths_keep_clear_of_equipment() -> None:
         np.testing.assert_array_equal(path[-1], MAP.centres_m[cell])
         between = np.linspace(path[:-1], path[1:], 5).reshape(-1, 2)
         assert MAP.yard.clearance(between).min() >= MAP.robot.footprint_radius_m + 0.5 * MARGIN_M
+
+
+def test_moves_do_not_leave_the_grid() -> None:
+    """A move from one edge of the grid to the opposite one would be as long as the yard."""
+    reach = MAP.reach(np.array([3.0, 3.0]))
+    assert np.isfinite(reach.length_m).any()
+    assert np.linalg.norm(MAP.centres_m - MAP.centres_m[reach.before], axis=-1).max() < 2.3 * CELL_M
 
 
 def test_paths_avoid_obstacles_until_they_are_removed() -> None:
