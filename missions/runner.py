@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -238,13 +238,16 @@ def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel) -> Lo
     Raises:
         UserCodeError: If it is a user's Locator and cannot be loaded or made.
     """
-    name, pose_error, rules = scenario.locating.locator, scenario.pose_sensor.pose_error, scenario.locating.rules()
-    fence_m = scenario.yard.size_m
-    if name is None:
-        return Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
-    make: MakesLocator = load_object(name, LOCATOR)
-    with calling(make, LOCATOR):
-        locator = make(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
+    name = scenario.locating.locator
+    make: MakesLocator = load_object(name, LOCATOR) if name else Locator
+    with calling(make, LOCATOR) if name else nullcontext():
+        locator = make(
+            array,
+            scenario.pose_sensor.pose_error,
+            fence_m=scenario.yard.size_m,
+            rules=scenario.locating.rules(),
+            sight=site_map.sight,
+        )
     missing = [method for method in ("update", "refit", "association") if not hasattr(locator, method)]
     if missing:
         raise UserCodeError(f"{place_of(make)}: has no {', '.join(missing)}; expected {LOCATOR}")
