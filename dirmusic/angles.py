@@ -16,7 +16,7 @@ def wrap(angle_rad: ArrayLike) -> FloatArray:
 
 def difference(first_rad: ArrayLike, second_rad: ArrayLike) -> FloatArray:
     """Compute the signed difference from `second_rad` to `first_rad`, in (-pi, pi]; shapes broadcast."""
-    return wrap(np.asarray(first_rad, dtype=np.float64) - np.asarray(second_rad, dtype=np.float64))
+    return wrap(np.subtract(first_rad, second_rad, dtype=np.float64))
 
 
 def azimuth_of(vector: FloatArray) -> FloatArray:

@@ -35,11 +35,10 @@ def opened(path: Path, max_bytes: int) -> Generator[IO[bytes]]:
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            kind = "a folder" if stat.S_ISDIR(status.st_mode) else "a device or a pipe"
-            raise InputFileError([f"{path}: cannot be read: must be a file, is {kind}"])
+            raise InputFileError([f"{path}: cannot be read: must be a file, not a folder, device or pipe"])
         if status.st_size > max_bytes:
-            size_mb, max_mb = status.st_size / 1e6, max_bytes / 1e6
-            raise InputFileError([f"{path}: must have at most {max_mb:.0f} MB, has {size_mb:.1f} MB"])
+            size_mb = status.st_size / 1e6
+            raise InputFileError([f"{path}: must have at most {max_bytes / 1e6:.0f} MB, has {size_mb:.1f} MB"])
         file = path.open("rb")
     except (OSError, ValueError) as error:  # a path with a zero byte raises ValueError
         if isinstance(error, InputFileError):

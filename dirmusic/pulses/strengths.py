@@ -129,7 +129,7 @@ def broken_channels(is_valid: BoolArray) -> str:
 
 def strengths_of_energies(energy: FloatArray, n_samples: int, noise_variance: FloatArray) -> FloatArray:
     """Compute the strengths of `pulse_strengths` from the energies of the gates (sums of squared samples), V^2."""
-    strengths = np.asarray(strength_of(energy, n_samples * noise_variance))
+    strengths = strength_of(energy, n_samples * noise_variance)
     silent = energy == 0.0
     if silent.any():  # a channel with noise has samples other than zero, however weak the pulse
         dead = silent & (noise_variance > 0) & ~silent.all(axis=-1, keepdims=True)
@@ -165,4 +165,4 @@ def strength_variance(
     """
     spread = float(n_samples if energy_spread is None else energy_spread)
     strength, noise = (np.asarray(x, dtype=np.float64) for x in (strengths, noise_variance))
-    return np.asarray(variance_of_strength(strength, noise, spread, noise_on_pulse))
+    return variance_of_strength(strength, noise, spread, noise_on_pulse)
