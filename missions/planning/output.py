@@ -92,7 +92,7 @@ def as_toml(plan: Plan) -> str:
 def draw_plan(plan: Plan, path: Path) -> None:
     """Draw the number of sites detectable from each place, the tour, and undetectable sites, to a PNG file."""
     size_m, where = np.array(plan.site_map.yard.size_m), plan.detectability
-    figure = Figure(figsize=(0.27 * size_m[0] + 2.2, 0.27 * size_m[1] + 1.6), layout="constrained")  # inches
+    figure = Figure(figsize=(0.27 * size_m[0] + 2.7, 0.27 * size_m[1] + 2.4), layout="constrained")  # inches
     axes = figure.subplots()
     axes.set_facecolor("#f2f2f2")
     n_sites = where.is_detectable.sum(axis=0)
