@@ -41,7 +41,7 @@ def look_up_gains(grid: FloatArray, boresight: Boresight, x: float, y: float, z:
     azimuth = math.atan2(left, ahead) / GRID_STEP_RAD
     elevation = (math.atan2(up, math.hypot(left, ahead)) + 0.5 * math.pi) / GRID_STEP_RAD
     n_azimuths, n_elevations, n_bands = grid.shape
-    i, j = math.floor(azimuth), min(max(int(elevation), 0), n_elevations - 2)
+    i, j = math.floor(azimuth), min(int(elevation), n_elevations - 2)
     share, share_up = azimuth - i, elevation - j
     here, there = i % n_azimuths, (i + 1) % n_azimuths
     for b in range(n_bands):
