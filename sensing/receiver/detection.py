@@ -125,17 +125,19 @@ def read_gate(
     pulses.mains_phase_rad[k] = np.mod(2 * np.pi * reading.mains_hz * time_s, 2 * np.pi)
     for e in range(len(gate_v)):
         waveform_v, source_v = detected.waveforms_v[k, e], gate_v[channels.source[e]]
-        noise_v2, stuck_v = channels.background_v2[e], channels.stuck_v[e]
-        waveform_v[:] = np.minimum(np.maximum(np.rint(source_v / step_v), -highest), highest) * step_v
-        if not np.isnan(stuck_v):
-            waveform_v[:] = stuck_v
+        noise_v2, stuck_v, peak_v = channels.background_v2[e], channels.stuck_v[e], 0.0
+        for t in range(waveform_v.size):
+            waveform_v[t] = min(max(np.rint(source_v[t] / step_v), -highest), highest) * step_v
+            if not np.isnan(stuck_v):
+                waveform_v[t] = stuck_v
+            peak_v = max(peak_v, abs(waveform_v[t]))
         strength_v = strength_of(dot(waveform_v, waveform_v), waveform_v.size * noise_v2)
         pulses.strengths_v[k, e] = strength_v
         pulses.variance_v2[k, e] = variance_of_strength(
             strength_v, noise_v2, reading.energy_spread, reading.noise_on_pulse
         )
         pulses.is_usable[k, e] = True
-        pulses.is_clipped[k, e] = np.abs(waveform_v).max() >= (highest - 0.5) * step_v
+        pulses.is_clipped[k, e] = peak_v >= (highest - 0.5) * step_v
         for b in range(reading.band_noise_samples.size):
             energy_v2 = 0.0
             for line in range(reading.band_lines.shape[1]):

@@ -237,8 +237,9 @@ def add_emission(channel_v: FloatArray, e: int, start_s: float, signal: Signal, 
 def add_tones(channel_v: FloatArray, e: int, offset: int, channels: Channels, start_rad: FloatArray) -> None:
     """Add the carriers to channel e; `start_rad` are their phases `offset` samples before its first sample."""
     for c in range(start_rad.size):
-        now_rad = start_rad[c] + (offset + np.arange(channel_v.size)) * channels.turn_rad[c]
-        channel_v += channels.tone_v[c, e] * np.cos(now_rad + channels.tone_rad[c, e])
+        for t in range(channel_v.size):
+            now_rad = start_rad[c] + (offset + t) * channels.turn_rad[c]
+            channel_v[t] += channels.tone_v[c, e] * math.cos(now_rad + channels.tone_rad[c, e])
 
 
 @compiled
@@ -470,18 +471,23 @@ def read_out(
     half = max(before, crossing - before)
     while min(abs(volts[strongest, half]), limit) < 0.5 * peak_v:
         half += 1
-    start = half - before
+    start, gate_v2 = half - before, 0.0
     fill(window, start + n_gate, signal, sampler, channels, rng)
     for e in range(limit_v.size):
-        gate_v[e] = np.minimum(np.maximum(volts[e, start : start + n_gate], -limit_v[e]), limit_v[e])
-    least_v2 = BURST_SHARE * (np.square(gate_v[strongest]).mean() - background_v2) + background_v2
+        for t in range(n_gate):
+            gate_v[e, t] = min(max(volts[e, start + t], -limit_v[e]), limit_v[e])
+    for t in range(n_gate):
+        gate_v2 += gate_v[strongest, t] ** 2
+    least_v2 = BURST_SHARE * (gate_v2 / n_gate - background_v2) + background_v2
     for w in range(BURST_WINDOWS):
-        at = start + sampler.burst_first + w * sampler.burst_step
+        at, power_v2 = start + sampler.burst_first + w * sampler.burst_step, 0.0
         test_v = np.zeros((1, n_window))
         add_emission(test_v[0], strongest, window.start_s + at / sampler.pulse.rate_hz, signal, sampler.pulse)
         add_tones(test_v[0], strongest, at, channels, window.start_rad)
         add_noise(noise, rng, settle(noise, 1, rng), test_v, 0, n_window)
-        if np.minimum(np.square(test_v), limit * limit).mean() <= least_v2:
+        for t in range(n_window):
+            power_v2 += min(abs(test_v[0, t]), limit) ** 2
+        if power_v2 <= least_v2 * n_window:
             return IS_PULSE
     return IS_BURST
 
