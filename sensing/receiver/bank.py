@@ -118,12 +118,12 @@ class ReceiverBank:
         if n_jobs < 2:
             return self._listen(0, robots, world_from_array, start_s, duration_s)
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self._n_threads)
-        shares = np.array_split(robots, n_jobs)
-        parts = self._pool.map(
-            lambda k, share: self._listen(k, share, world_from_array, start_s, duration_s), range(n_jobs), shares
-        )
-        return DetectedPulses.join(list(parts))
+            self._pool = ThreadPoolExecutor(self._n_threads - 1)  # besides this thread, which works instead of waiting
+        jobs = [
+            (k, share, world_from_array, start_s, duration_s) for k, share in enumerate(np.array_split(robots, n_jobs))
+        ]
+        others = [self._pool.submit(self._listen, *job) for job in jobs[1:]]
+        return DetectedPulses.join([self._listen(*jobs[0]), *(other.result() for other in others)])
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without the threads; a copy starts its own."""
