@@ -21,7 +21,7 @@ on the direct path."""
 
 LONG_OBSERVED_FACTOR = 40
 """Multiple of `confirm_pulses` at which a finding counts as observed for long (assumed). Its ellipse may then be
-longer, and it need not be in sight for certain, because more pulses would improve neither much."""
+longer, and it need not be in sight for certain, because more pulses would hardly improve either."""
 
 LONG_OBSERVED_ELLIPSE = 1.5
 """Factor by which the ellipse may be longer if the finding was observed for long (assumed)."""
