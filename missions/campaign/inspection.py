@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.record.log_contents import described_manifold, known_yard
+from pdpatrol.missions.record.log_contents import described_manifold, known_yard, map_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.robot_models.yard.yard import Yard
@@ -62,6 +62,7 @@ class InspectionLog:
         name: Name of the scenario.
         bounds_m: South-west and north-east corner of the ground, shape (2, 2).
         yard: Yard as shown on the map; None without a map.
+        map_accuracy_m: Believed accuracy of the map, see `MapConfig`.
         is_field_data: True for field data, which have no map and one step for each pose.
         manifold: Manifold of the array according to its data sheet.
         array_height_m: Height of the array above the ground.
@@ -77,6 +78,7 @@ class InspectionLog:
     name: str
     bounds_m: FloatArray
     yard: Yard | None
+    map_accuracy_m: float
     is_field_data: bool
     manifold: GainManifold
     array_height_m: float
@@ -111,6 +113,7 @@ class InspectionLog:
                 name=str(log.meta["name"]),
                 bounds_m=np.array(log.meta["bounds_m"]),
                 yard=known_yard(log),
+                map_accuracy_m=map_of(log).accuracy_m,
                 is_field_data="field_data" in log.meta,
                 manifold=described_manifold(log.meta["array"]),
                 array_height_m=float(np.mean(log.meta["array"]["positions_m"], axis=0)[2]),

@@ -96,10 +96,12 @@ def _discharge(
         verdict = "grown" if lower > 0 else "declined" if upper < 0 else "constant" if is_constant else "not clear"
     presences = [each.presence for each in observations if each.presence != "not inspected"]
     x, y, z = position_m.tolist()
-    yard = inspections[0].yard
+    yard, site = inspections[0].yard, f"{x:.1f}, {y:.1f}, {z:.1f} m"
+    if yard:
+        site = in_words(site_probabilities(yard, position_m, covariance_m2, inspections[0].map_accuracy_m))
     return TrackedDischarge(
         number=1,
-        site=in_words(site_probabilities(yard, position_m, covariance_m2)) if yard else f"{x:.1f}, {y:.1f}, {z:.1f} m",
+        site=site,
         position_m=(x, y, z),
         semi_major_m=ellipse95(covariance_m2[:2, :2]).semi_major_m,
         status="gone" if presences[-1] == "absent" else "new" if presences[0] == "absent" else "standing",

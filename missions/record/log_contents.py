@@ -45,10 +45,15 @@ def grid_of(meta: Mapping[str, Any]) -> Grid:
     return Grid.over(*np.array(meta["bounds_m"], dtype=np.float64))
 
 
+def map_of(log: MissionLog) -> MapConfig:
+    """Return the table `[map]` of the mission; the default for field data, which have no scenario."""
+    return MapConfig.model_validate(log.meta.get("scenario", {}).get("map", {}), strict=False)
+
+
 def known_yard(log: MissionLog) -> Yard | None:
-    """Return the yard as the map of the mission shows it; None for field data, which have no scenario."""
+    """Return the yard as the map of the mission shows it; None for field data."""
     yard = true_yard(log)
-    return yard and MapConfig.model_validate(log.meta["scenario"].get("map", {}), strict=False).of(yard)
+    return yard and map_of(log).of(yard)
 
 
 def true_yard(log: MissionLog) -> Yard | None:

@@ -15,29 +15,37 @@ ON_SITES, ON_EQUIPMENT = 0.8, 0.15
 """Prior probabilities of all known sites together, each equally likely, and of the surface of all equipment, uniformly
 distributed. The rest is uniformly distributed in the yard. Assumed."""
 
+ON_PIECE_STD_M = 0.05
+"""Standard deviation of each coordinate of a site or surface relative to its piece. Assumed; with pieces 0.3 m off, the
+first-named site is right equally often from 0 to 0.1 m."""
+
 ELSEWHERE = "elsewhere"
 
 
-def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatArray) -> dict[str, float]:
+def site_probabilities(
+    yard: Yard, position_m: FloatArray, covariance_m2: FloatArray, map_accuracy_m: float
+) -> dict[str, float]:
     """Return the probability of each place by name, in descending order; the probabilities add up to 1.
 
-    Names are `equipment/site` for a site, `equipment` for another place on that piece, and `ELSEWHERE`.
+    Names are `equipment/site` for a site, `equipment` for another place on that piece, and `ELSEWHERE`. The unknown
+    horizontal displacement of a piece, which its sites and its surface share, adds to the covariance of the finding.
 
     Args:
         yard: Yard as the map shows it.
         position_m: Position of the finding, shape (3,).
         covariance_m2: Covariance of the position, shape (3, 3).
+        map_accuracy_m: Standard deviation of each horizontal coordinate of a piece on the map, `[map] accuracy_m`.
     """
+    covariance = covariance_m2 + np.diag(np.square([map_accuracy_m, map_accuracy_m, 0.0]) + ON_PIECE_STD_M**2)
     sites = yard.site_names()
     volume_m3 = yard.size_m[0] * yard.size_m[1] * 5.0  # assumed: discharges are lower than 5 m
     weights = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / volume_m3}
     if sites:
         sites_m = np.array([yard.site_position(name) for name in sites])
-        covariance = covariance_m2 + 0.05**2 * np.eye(3)  # assumed: sites are mapped within 5 cm
         density = np.atleast_1d(multivariate_normal.pdf(sites_m, position_m, covariance))
         weights |= dict(zip(sites, (ON_SITES / len(sites) * density).tolist(), strict=True))
-    if yard.equipment:  # assumed: surfaces are mapped within 10 cm
-        by_solid = ON_EQUIPMENT * _surface_density(yard.solids, position_m, covariance_m2 + 0.1**2 * np.eye(3))
+    if yard.equipment:
+        by_solid = ON_EQUIPMENT * _surface_density(yard.solids, position_m, covariance)
         by_piece = np.bincount(yard.owner, by_solid, len(yard.equipment)).tolist()
         weights |= dict(zip((item.name for item in yard.equipment), by_piece, strict=True))
     total = sum(weights.values())

@@ -14,7 +14,7 @@ from dirmusic.pulses.phase_resolved import PhasePattern
 from pdpatrol.missions.driving.site_map import distances_along
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses, phase_patterns
-from pdpatrol.missions.record.log_contents import known_yard, true_yard
+from pdpatrol.missions.record.log_contents import known_yard, map_of, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.records import (
@@ -124,7 +124,9 @@ def _findings(log: MissionLog) -> list[FindingRecord]:
         finding = {column: values[row] for column, values in table.items() if column != "step"}
         number, position_m, covariance_m2 = int(finding["id"]), finding["position_m"], finding["covariance_m2"]
         is_outside = finding["state"] == "outside"
-        places = site_probabilities(yard, position_m, covariance_m2) if yard and not is_outside else {}
+        places: dict[str, float] = {}
+        if yard and not is_outside:
+            places = site_probabilities(yard, position_m, covariance_m2, map_of(log).accuracy_m)
         aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
         strength = None
         if number in pulses and pulses[number].time_s.size:
