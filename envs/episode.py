@@ -135,7 +135,9 @@ class Episode(NamedTuple):
         yaw_rad = rng.uniform(-np.pi, np.pi)  # drawn even where it is not used, so that it changes nothing else
         if scenario.route.dock_yaw_deg is not None:
             yaw_rad = radians(scenario.route.dock_yaw_deg)
-        array = HelicalArray.draw(scenario.array, rng)  # last, so that the size of the array changes nothing else
+        array = HelicalArray.draw(
+            scenario.array, rng, scenario.nature.array
+        )  # last, so that the size of the array changes nothing else
         start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
         kinds = [{"kind": source.kind} for source in scenario.sources]
         truth = {

@@ -18,7 +18,7 @@ def add_pose_error(
     """Add a first-order Gauss-Markov error to a pose; all arrays have shape (3,).
 
     Args:
-        true_pose: x m, y m, yaw rad.
+        true_pose: x m, y m, yaw rad; may be the same array as `pose`.
         error: Error of the previous reading, NaN before the first reading; replaced by the error of this reading.
         correlation: Correlation between the errors of consecutive readings.
         std: Standard deviations of the error.
@@ -78,7 +78,16 @@ def sense_pose(state: RobotStates, parameters: Parameters, reading: FloatArray, 
         state.true_pose[r, k] = pose[k]
     for k in range(wheels_rad.size):
         state.wheels_rad[r, k] = wheels_rad[k]
+    believed, frame, bias = state.believed_pose[r], parameters.frame, parameters.pose_bias
+    dock_m = parameters.stops_m[len(parameters.stops_m) - 1]
+    x, y, yaw = pose[0], pose[1], pose[2] + frame[2]
+    if frame[2] != 0.0:
+        east_m, north_m, cos, sin = x - dock_m[0], y - dock_m[1], np.cos(frame[2]), np.sin(frame[2])
+        x, y = dock_m[0] + cos * east_m - sin * north_m, dock_m[1] + sin * east_m + cos * north_m
+    believed[0] = x + frame[0] + bias[0] * np.cos(yaw) - bias[1] * np.sin(yaw)
+    believed[1] = y + frame[1] + bias[0] * np.sin(yaw) + bias[1] * np.cos(yaw)
+    believed[2] = yaw + bias[2]
     add_pose_error(
-        state.true_pose[r], state.pose_error[r], parameters.pose_correlation, parameters.pose_std,
-        state.motion_normal[r], state.believed_pose[r],
+        believed, state.pose_error[r], parameters.pose_correlation, parameters.pose_std, state.motion_normal[r],
+        believed,
     )  # fmt: skip

@@ -119,8 +119,10 @@ class Parameters(NamedTuple):
     Attributes:
         step_s: Duration of a step.
         max_steps: Number of steps after which an episode is truncated.
-        pose_std: Standard deviations of the pose sensor's error in x, y and yaw, shape (3,).
+        pose_std: True standard deviations of the pose sensor's error in x, y and yaw, shape (3,).
         pose_correlation: Correlation between the pose sensor's errors in successive steps.
+        pose_bias: Constant error of the pose sensor: forward m, left m, yaw rad, shape (3,).
+        frame: Displacement and rotation of the localisation against the map, x m, y m, yaw rad, shape (3,).
         gyro_noise_rad: Standard deviation of the gyro noise per step.
         idle_w: Constant load of the battery.
         capacity_wh: Capacity of the battery.
@@ -139,6 +141,8 @@ class Parameters(NamedTuple):
     max_steps: int
     pose_std: FloatArray
     pose_correlation: float
+    pose_bias: FloatArray
+    frame: FloatArray
     gyro_noise_rad: float
     idle_w: float
     capacity_wh: float
@@ -169,12 +173,15 @@ class Parameters(NamedTuple):
             terminate_on_approach: Whether an episode ends once all sources are approached.
             max_episode_steps: Maximum number of steps of an episode, in addition to the scenario's time limit.
         """
-        task, odometry, pose_sensor = scenario.task, scenario.odometry, scenario.pose_sensor
+        task, odometry, true_pose = scenario.task, scenario.odometry, scenario.nature.pose_sensor
+        pose_sensor = true_pose.applied_to(scenario.pose_sensor)
         return cls(
             step_s=step_s,
             max_steps=math.ceil(min(task.time_limit_s / step_s - 1e-6, max_episode_steps or math.inf)),
             pose_std=pose_sensor.std,
             pose_correlation=pose_sensor.correlation(step_s),
+            pose_bias=true_pose.bias,
+            frame=true_pose.frame,
             gyro_noise_rad=math.radians(odometry.gyro_noise_deg_per_sqrt_min) / 60.0**0.5 * step_s**0.5,
             idle_w=scenario.battery.idle_w,
             capacity_wh=scenario.battery.capacity_wh,

@@ -1,6 +1,6 @@
 """Simulation of sources, radio waves and receivers: from the true state of the world to detected pulses."""
 
-from pdpatrol.sensing.array.helical_array import ArrayConfig, ElementConfig, HelicalArray
+from pdpatrol.sensing.array.helical_array import ArrayConfig, ElementConfig, HelicalArray, TrueArrayConfig
 from pdpatrol.sensing.nature.pulses import PulseTrain
 from pdpatrol.sensing.nature.sources import Carrier, DischargeSource, Scene
 from pdpatrol.sensing.radio.surroundings import Surroundings, level_transform, upright_solids
@@ -18,6 +18,7 @@ __all__ = [
     "ReceiverConfig",
     "Scene",
     "Surroundings",
+    "TrueArrayConfig",
     "level_transform",
     "upright_solids",
 ]

@@ -19,7 +19,8 @@ SHIPPED = Path(__file__).parents[1] / "scenarios"
 """Folder of the scenarios that come with the package."""
 
 FILE_KEYS = {
-    "array": ("pattern", "true_pattern"),
+    "array": ("pattern",),
+    "nature.array": ("pattern",),
     "estimator": ("method",),
     "locating": ("locator", "calibration"),
     "robot": ("model",),
@@ -85,7 +86,9 @@ def _path_of(scenario: str | Path) -> Path:
 def _make_paths_absolute(data: dict[str, Any], folder: Path) -> None:
     """Make paths in the data of a scenario file, which are relative to its folder, absolute."""
     for name, keys in FILE_KEYS.items():
-        table = data.get(name)
+        table: Any = data
+        for part in name.split("."):
+            table = table.get(part) if isinstance(table, dict) else None
         if not isinstance(table, dict):
             continue
         for key in keys:

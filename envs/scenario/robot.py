@@ -18,6 +18,7 @@ from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, FilePath, Share
 
 MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
+CorrelationTime = Annotated[float, Field(ge=0.01, le=86_400.0)]
 GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
 """Degrees per minute for a bias; degrees per square root of a minute for an angle random walk."""
 
@@ -52,11 +53,14 @@ class RobotConfig(Config):
 
 
 class PoseSensorConfig(Config):
-    """Standard deviations and correlation time of the pose error. Assumed; typical of lidar localisation in a map."""
+    """Pose error as the robot believes it: standard deviations and correlation time.
+
+    Assumed; typical of lidar localisation in a map. True errors may differ; see `TruePoseConfig`.
+    """
 
     position_std_m: MetreError = 0.05
     heading_std_deg: AngleError = 0.5
-    correlation_s: Annotated[float, Field(ge=0.01, le=86_400.0)] = 5.0
+    correlation_s: CorrelationTime = 5.0
 
     @property
     def std(self) -> FloatArray:

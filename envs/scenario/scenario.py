@@ -16,6 +16,7 @@ from pdpatrol.envs.scenario.array import data_sheet
 from pdpatrol.envs.scenario.base import Config, MissionName, known_names
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
+from pdpatrol.envs.scenario.nature import NatureConfig
 from pdpatrol.envs.scenario.radio import RadioConfig
 from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig, RobotConfig
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
@@ -120,6 +121,7 @@ class Scenario(Config):
     task: TaskConfig = TaskConfig()
     campaign: CampaignConfig = CampaignConfig()
     georeference: GeoreferenceConfig | None = None
+    nature: NatureConfig = NatureConfig()
     locating: LocatingConfig = LocatingConfig()
 
     @property

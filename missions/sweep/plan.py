@@ -155,7 +155,7 @@ def digest(texts: Iterable[str]) -> str:
 
 def digests_of_files(scenario: Scenario, policy: str) -> list[str]:
     """Return the SHA-256 of each of the user's files that a scenario or a policy names."""
-    data = scenario.array.pattern, scenario.array.true_pattern, scenario.robot.model
+    data = scenario.array.pattern, scenario.nature.array.pattern, scenario.robot.model
     code = policy, scenario.estimator.method, scenario.locating.locator
     names = [*filter(None, data), *(name.rpartition(":")[0] for name in code if name and ":" in name)]
     return [hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in names if Path(name).is_file()]

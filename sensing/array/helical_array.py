@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
+from scipy.spatial.transform import Rotation
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError
 from dirmusic.array.manifold import ambiguous_azimuths, ring_boresights_rad
@@ -17,8 +18,10 @@ from dirmusic.array.pattern import gain_in_space
 from dirmusic.array.pattern_file import read_any_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
 from dirmusic.arrays import FloatArray
+from pdpatrol.sensing.array.beam_width import scaled_beam
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 from pdpatrol.sensing.quantities import (
+    PLAIN_ZERO,
     SPEED_OF_LIGHT_MPS,
     AngleError,
     ArrayCoordinate,
@@ -52,7 +55,7 @@ class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_i
 
 
 class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """Data sheet of the array, and errors of real arrays.
+    """Data sheet of the array, and the spread of real arrays around it, as the robot believes them.
 
     The elements are either an evenly spaced ring of `n_elements`, of which the first points to the left and the others
     follow clockwise, or those listed in `elements`.
@@ -73,9 +76,6 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     """Pattern of every element in the data sheet, which direction finding uses: a file, or the name of a shipped
     pattern; by default eq. (1) of the Dir-MUSIC paper. If the pattern covers all directions and frequencies, direction
     finding uses its cut at elevation 0."""
-    true_pattern: FilePath | None = None
-    """True pattern of every element, in the plane or over all directions and frequencies; by default that of the data
-    sheet."""
     gain_error: Share = 0.05
     pointing_error_deg: AngleError = 2.0
     position_error_m: PlacementError = 0.002
@@ -86,7 +86,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     pattern_error: Share = 0.0
     """Standard deviation that the robot assumes for the difference between the true gain and the data sheet, relative
     to the largest gain. It applies in the plane and grows off it (`dirmusic.ElementSpread`). It does not change the
-    simulated array, whose pattern is `true_pattern`. The computed helices need 0.02."""
+    simulated array; see `TrueArrayConfig`. The computed helices need 0.02."""
 
     @property
     def n_channels(self) -> int:
@@ -99,11 +99,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
             raise ValueError(f"n_elements: must not be given with a list of elements, got {self.n_elements}")
         if self.n_channels < FEWEST_ELEMENTS:
             raise ValueError(f"elements: must be {FEWEST_ELEMENTS} to {MOST_ELEMENTS}, got {self.n_channels}")
-        for key, path in (("pattern", self.pattern), ("true_pattern", self.true_pattern)):
-            try:
-                _pattern(path)
-            except InputFileError as error:
-                raise ValueError("\n".join(f"{key}: {each}" for each in error.faults)) from error
+        _check_pattern(self.pattern)
         array, key = HelicalArray.nominal(self), "elements" if self.elements else "pattern"
         apart_m = np.linalg.norm(array.positions_m[:, np.newaxis] - array.positions_m, axis=-1)
         if same := np.argwhere(np.triu(apart_m < 1e-3, 1)).tolist():
@@ -118,6 +114,53 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
                 f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
             )
         return self
+
+
+class TrueArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """True array, where it differs from what the robot believes; keys that are left out have the believed values."""
+
+    pattern: FilePath | None = None
+    """Pattern of every element, in the plane or over all directions and frequencies: a file, or the name of a shipped
+    pattern."""
+    beam_width_scale: Annotated[float, Field(ge=0.7, le=1.5)] = 1.0
+    """Width of the beam relative to that of the pattern, in azimuth and elevation: 1.05 is 5 % wider; see
+    `sensing.array.beam_width.scaled_beam`."""
+    gain_error: Share | None = None
+    """Standard deviation of the gain errors from which the array is drawn. Likewise the next three."""
+    pointing_error_deg: AngleError | None = None
+    position_error_m: PlacementError | None = None
+    gain_offset: Share | None = None
+    ring_radius_m: ArrayMetre | None = None
+    """True radius of the ring."""
+    mount_yaw_deg: Degree = 0.0
+    """Rotation of the whole array about the vertical axis through the centre of the ring, counter-clockwise."""
+    mount_tilt_deg: Annotated[float, Field(ge=-30.0, le=30.0), PLAIN_ZERO] = 0.0
+    """Tilt of the whole array about its centre, after the yaw: the side towards `mount_tilt_azimuth_deg` is raised, the
+    opposite side lowered."""
+    mount_tilt_azimuth_deg: Degree = 0.0
+    """Azimuth of the raised side, robot frame, counter-clockwise from straight ahead."""
+
+    def applied_to(self, config: ArrayConfig) -> ArrayConfig:
+        """Return the believed configuration with the true pattern, spread and radius."""
+        keys = ("pattern", "gain_error", "pointing_error_deg", "position_error_m", "gain_offset", "ring_radius_m")
+        return config.model_copy(update={key: getattr(self, key) for key in keys if getattr(self, key) is not None})
+
+    @model_validator(mode="after")
+    def _check_pattern_file(self) -> Self:
+        if self.pattern is not None:
+            _check_pattern(self.pattern)
+        return self
+
+
+AS_BELIEVED = TrueArrayConfig()
+"""True array that differs from the data sheet by its drawn errors only."""
+
+
+def _check_pattern(path: str | None) -> None:
+    try:
+        _pattern(path)
+    except InputFileError as error:
+        raise ValueError("\n".join(f"pattern: {each}" for each in error.faults)) from error
 
 
 def _pattern(path: str | None) -> GainPattern | SpatialPattern:
@@ -198,22 +241,51 @@ class HelicalArray:
         )
 
     @classmethod
-    def draw(cls, config: ArrayConfig, rng: np.random.Generator) -> Self:
-        """Draw an array as built: the data sheet with errors, and the true pattern.
+    def draw(cls, config: ArrayConfig, rng: np.random.Generator, true: TrueArrayConfig = AS_BELIEVED) -> Self:
+        """Draw an array as built and mounted: the data sheet with errors, and all that is true and not believed.
 
         Args:
             config: Configuration with the data sheet.
             rng: Generator of the errors. It is not used if the array has a serial number, which determines its errors.
+            true: True array, where it differs from the configuration.
         """
         rng = rng if config.serial_number is None else np.random.default_rng(config.serial_number)
-        nominal, n = cls.nominal(config), config.n_channels
-        return replace(
+        config, n = true.applied_to(config), config.n_channels
+        nominal = cls.nominal(config)
+        array = replace(
             nominal,
-            pattern=_pattern(config.true_pattern or config.pattern),
+            pattern=scaled_beam(nominal.pattern, true.beam_width_scale),
             boresights_rad=nominal.boresights_rad + rng.normal(0.0, np.radians(config.pointing_error_deg), n),
             positions_m=nominal.positions_m + rng.normal(0.0, config.position_error_m, (n, 3)),
             gain_factors=np.exp(rng.normal(0.0, config.gain_error, n)),
             gain_offsets=rng.uniform(-config.gain_offset, config.gain_offset, n),
+        )
+        return array.mounted(*np.radians([true.mount_yaw_deg, true.mount_tilt_deg, true.mount_tilt_azimuth_deg]))
+
+    def mounted(self, yaw_rad: float, tilt_rad: float, tilt_azimuth_rad: float) -> Self:
+        """Return the array turned about the vertical axis and then tilted about its centre.
+
+        Assumed: the roll of an element about its own boresight, at most the tilt, does not matter. It changes gains
+        by at most 0.008 for a tilt of 5 degrees, because patterns are nearly round.
+
+        Args:
+            yaw_rad: Rotation about the vertical axis through the origin, counter-clockwise.
+            tilt_rad: Angle by which one side is raised.
+            tilt_azimuth_rad: Azimuth of that side.
+        """
+        if yaw_rad == 0.0 and tilt_rad == 0.0:
+            return self
+        axis = np.array([np.sin(tilt_azimuth_rad), -np.cos(tilt_azimuth_rad), 0.0])
+        turn = Rotation.from_rotvec(tilt_rad * axis) * Rotation.from_rotvec([0.0, 0.0, yaw_rad])
+        level = np.cos(self.boresight_elevations_rad)
+        x, y = level * np.cos(self.boresights_rad), level * np.sin(self.boresights_rad)
+        x, y, z = turn.apply(np.column_stack([x, y, np.sin(self.boresight_elevations_rad)])).T
+        centre_m = np.array([0.0, 0.0, self.positions_m[:, 2].mean()])
+        return replace(
+            self,
+            boresights_rad=np.arctan2(y, x),
+            boresight_elevations_rad=np.arctan2(z, np.hypot(x, y)),
+            positions_m=centre_m + turn.apply(self.positions_m - centre_m),
         )
 
     def cut(self, band_hz: tuple[float, float] | None = None) -> GainPattern:

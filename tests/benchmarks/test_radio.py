@@ -13,6 +13,7 @@ from pdpatrol.sensing import (
     ReceiverConfig,
     Scene,
     Surroundings,
+    TrueArrayConfig,
     level_transform,
 )
 from pdpatrol.sensing.radio.materials import GRAVEL
@@ -25,7 +26,7 @@ N_PULSES = 20_000
 OUT_OF_REACH_V = 0.004
 """Amplitude whose four paths together stay below the trigger by the first bound."""
 REAL = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3))
-OVER_FREQUENCY = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np.random.default_rng(3))
+OVER_FREQUENCY = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3), TrueArrayConfig(pattern="helix_in_ring"))
 
 
 def ground_and_wall() -> Surroundings:

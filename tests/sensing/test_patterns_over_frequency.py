@@ -16,6 +16,7 @@ from pdpatrol.sensing import (
     DischargeSource,
     HelicalArray,
     ReceiverConfig,
+    TrueArrayConfig,
 )
 from pdpatrol.sensing.array.helical_array import SHIPPED_PATTERNS, ElementConfig
 from pdpatrol.sensing.radio.arrivals import arrive
@@ -161,7 +162,7 @@ def test_invalid_table_is_refused_with_file_and_line(change: object, message: st
 
 def test_sub_band_strengths_match_their_definition() -> None:
     config = ReceiverConfig(n_bands=4, gate_samples=160)
-    array = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np.random.default_rng(2))
+    array = HelicalArray.draw(ArrayConfig(), np.random.default_rng(2), TrueArrayConfig(pattern="helix_in_ring"))
     gun = DischargeSource(
         name="gun", position_m=np.array([6.0, 2.0, 1.0]), amplitude_v=0.3, pulse_rate_hz=200.0, n_shots=20
     )

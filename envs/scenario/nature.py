@@ -1,0 +1,63 @@
+"""Scenario table of nature: what is true and may differ from what the robot believes."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from dirmusic.arrays import FloatArray
+from pdpatrol.envs.scenario.base import Config
+from pdpatrol.envs.scenario.robot import CorrelationTime, MetreError, PoseSensorConfig
+from pdpatrol.sensing import TrueArrayConfig
+from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Degree
+
+Offset = Annotated[float, Field(ge=-10.0, le=10.0), PLAIN_ZERO]
+"""Constant error of a position, metres."""
+
+
+class TruePoseConfig(Config):
+    """True errors of the pose sensor; keys that are left out have the believed values, which are 0 for a bias.
+
+    A reading is the true pose, in the frame of the localisation, with the bias and a correlated error.
+    """
+
+    position_std_m: MetreError | None = None
+    heading_std_deg: AngleError | None = None
+    correlation_s: CorrelationTime | None = None
+    position_bias_m: tuple[Offset, Offset] = (0.0, 0.0)
+    """Constant error, robot frame: forward and left, as of a lidar that is mounted elsewhere than stated."""
+    heading_bias_deg: Degree = 0.0
+    """Constant error of the heading, counter-clockwise."""
+    frame_offset_m: tuple[Offset, Offset] = (0.0, 0.0)
+    """Displacement of the frame of the localisation against the map, east and north: added to every position."""
+    frame_rotation_deg: Degree = 0.0
+    """Rotation of that frame about the dock, counter-clockwise, before the displacement."""
+
+    def applied_to(self, believed: PoseSensorConfig) -> PoseSensorConfig:
+        """Return the believed pose sensor with the true deviations and correlation time."""
+        keys = PoseSensorConfig.model_fields
+        return believed.model_copy(update={key: getattr(self, key) for key in keys if getattr(self, key) is not None})
+
+    @property
+    def bias(self) -> FloatArray:
+        """Constant error: forward m, left m, yaw rad."""
+        return np.array([*self.position_bias_m, radians(self.heading_bias_deg)])
+
+    @property
+    def frame(self) -> FloatArray:
+        """Displacement and rotation of the localisation's frame: x m, y m, yaw rad."""
+        return np.array([*self.frame_offset_m, radians(self.frame_rotation_deg)])
+
+
+class NatureConfig(Config):
+    """What is true and differs from what the robot believes; by default nothing but the drawn errors.
+
+    Physics, radio and scores use what is true. The estimator, Locator, planner, policies and report use what is
+    believed: the tables of the same names outside `[nature]`.
+    """
+
+    array: TrueArrayConfig = TrueArrayConfig()
+    pose_sensor: TruePoseConfig = TruePoseConfig()

@@ -1,0 +1,186 @@
+"""What is true and differs from what the robot believes: each key of `[nature]` changes nature alone."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.episode import Episode, Generators, ResetOptions
+from pdpatrol.envs.motion import sense_motion, start_motion
+from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
+from pdpatrol.envs.scenario.array import data_sheet_sha256
+from pdpatrol.robot_models.readings import POSE
+from pdpatrol.sensing import Surroundings
+from pdpatrol.sensing.receiver.bank import ReceiverBank
+
+EXACT = {"array.gain_error": 0.0, "array.pointing_error_deg": 0.0, "array.position_error_m": 0.0}
+"""An array without drawn errors."""
+
+EXACT_POSE = {"pose_sensor.position_std_m": 0.0, "pose_sensor.heading_std_deg": 0.0}
+
+ROBOT_M = np.array([12.0, 4.0])
+OFF_M = np.array([4.0, 2.5, 2.0])
+"""Position of the source, robot frame."""
+
+
+def loaded(settings: dict[str, Any]) -> Scenario:
+    gate = {"receiver.pretrigger_samples": 60, "receiver.gate_samples": 200}
+    return load_scenario("bench", {"receiver.noise_v": 1e-5, "receiver.bits": 24, **gate, **EXACT, **settings})
+
+
+def strengths(settings: dict[str, Any], *, start_s: float = 0.0, seed: int = 0) -> np.ndarray:
+    """Return the mean strengths (6,) of pulses in free space, for a robot that faces east and a source at `OFF_M`."""
+    scenario, pose = loaded(settings), np.eye(4)
+    pose[:2, 3] = ROBOT_M
+    options = ResetOptions(sources_m={"gun": pose[:3, 3] + OFF_M})
+    episode = Episode.draw(scenario, Surroundings(), Generators.spawn(np.random.default_rng(seed)), options)
+    bank = ReceiverBank(scenario.receiver, [episode.listener])
+    return bank.listen(pose[np.newaxis], np.array([start_s]), 1.0).pulses.strengths_v.mean(axis=0)
+
+
+def paper_gain(angle_deg: np.ndarray) -> np.ndarray:
+    """Return eq. (1) of the Dir-MUSIC paper, for angles off the boresight."""
+    theta = (207.0 + angle_deg) % 360.0
+    terms = ((0.5255, 218.1, 51.73), (0.3405, 304.8, 41.0), (0.6251, 156.1, 109.1))
+    return np.sum([a * np.exp(-(((theta - b) / c) ** 2)) for a, b, c in terms], axis=0)
+
+
+def formula(turn: Rotation, *, radius_m: float = 0.12, scale: float = 1.0) -> np.ndarray:
+    """Return the relative strengths (6,) of a ring that is turned about its centre, by eq. (1) and inverse distance."""
+    azimuth = np.radians(90.0 - 60.0 * np.arange(6))
+    ahead = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(6)])
+    left = np.column_stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(6)])
+    sight = OFF_M - np.array([0.0, 0.0, 0.6]) - turn.apply(radius_m * ahead)
+    range_m = np.linalg.norm(sight, axis=1)
+    towards = sight / range_m[:, np.newaxis]
+    off = np.arccos(np.sum(turn.apply(ahead) * towards, axis=1))
+    cos_roll = np.sum(turn.apply(left) * towards, axis=1) / np.sin(off)
+    off_deg = np.degrees(off)
+    off_deg = np.where(off_deg <= 120.0, off_deg / scale, 180.0 - (180.0 - off_deg) * (180.0 - 120.0 / scale) / 60.0)
+    gain = 0.5 * ((1 + cos_roll) * paper_gain(off_deg) + (1 - cos_roll) * paper_gain(-off_deg))
+    return gain / range_m
+
+
+LEVEL = Rotation.identity()
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, formula(LEVEL)),
+        ({"beam_width_scale": 1.05}, formula(LEVEL, scale=1.05)),
+        ({"beam_width_scale": 0.8}, formula(LEVEL, scale=0.8)),
+        ({"ring_radius_m": 0.3}, formula(LEVEL, radius_m=0.3)),
+        ({"mount_yaw_deg": 7.0}, formula(Rotation.from_euler("z", 7.0, degrees=True))),
+        ({"mount_tilt_deg": 4.0}, formula(Rotation.from_euler("y", -4.0, degrees=True))),  # the front is raised
+        (
+            {"mount_tilt_deg": 4.0, "mount_tilt_azimuth_deg": 90.0},  # the left side is raised
+            formula(Rotation.from_euler("x", 4.0, degrees=True)),
+        ),
+    ],
+    ids=["as believed", "wide", "narrow", "radius", "yaw", "tilt", "tilt left"],
+)
+def test_strengths_follow_the_true_array(settings: dict[str, float], expected: np.ndarray) -> None:
+    found = strengths({f"nature.array.{key}": value for key, value in settings.items()})
+    atol = 0.003 if "mount_tilt_deg" in settings else 3e-4  # a tilt ignores the roll of elements
+    np.testing.assert_allclose(found / np.linalg.norm(found), expected / np.linalg.norm(expected), atol=atol)
+
+
+def test_true_pattern_may_differ_from_the_data_sheet() -> None:
+    """The same pattern in the data sheet changes the believed array and not the strengths."""
+    true = {"nature.array.pattern": "helix"}
+    in_sheet, differs = strengths({"array.pattern": "helix"}), strengths(true)
+    np.testing.assert_array_equal(in_sheet, differs)
+    assert not np.allclose(differs, strengths({}), rtol=0.1)
+
+
+@pytest.mark.parametrize("pattern", ["helix", "helix_in_ring"])
+def test_scaled_table_equals_the_table_at_scaled_angles(pattern: str) -> None:
+    """At 1.1 times each angle from the boresight, a beam 10 % wider has the gain of the original."""
+    arrays = [
+        Episode.draw(
+            loaded({"nature.array.pattern": pattern, "nature.array.beam_width_scale": scale}),
+            Surroundings(),
+            Generators.spawn(np.random.default_rng(0)),
+            ResetOptions(),
+        ).listener.array
+        for scale in (1.0, 1.1)
+    ]
+    off, roll = np.meshgrid(np.radians([0.0, 20.0, 50.0, 90.0, 180.0 / 1.1]), np.radians([0.0, 40.0, 90.0, 200.0]))
+    gains = []
+    for array, scale in zip(arrays, (1.0, 1.1), strict=True):
+        psi = np.minimum(scale * off, np.pi)
+        x, y, z = np.cos(psi), np.sin(psi) * np.cos(roll), np.sin(psi) * np.sin(roll)
+        azimuth = np.arctan2(y, x)[..., np.newaxis] + array.boresights_rad
+        gains.append(array.gain(azimuth, np.arcsin(z)[..., np.newaxis])[..., 0])
+    np.testing.assert_allclose(gains[1][:, :4], gains[0][:, :4], atol=1e-3)
+
+
+@pytest.mark.parametrize("key", ["gain_error", "pointing_error_deg", "position_error_m", "gain_offset"])
+def test_true_spread_may_differ_from_the_believed_one(key: str) -> None:
+    found = [strengths({f"{table}.{key}": 0.05}) for table in ("array", "nature.array")]
+    np.testing.assert_array_equal(found[0], found[1])
+    assert not np.array_equal(found[0], strengths({}))
+
+
+def poses(settings: dict[str, Any], true_pose: np.ndarray, seed: int = 0) -> np.ndarray:
+    """Return the readings of the pose sensor (n, 3) at true poses (n, 3), 0.1 s apart."""
+    scenario = loaded(settings)
+    state, parameters, rng = RobotStates.zeros(1, scenario), Parameters.of(scenario), np.random.default_rng(seed)
+    found = []
+    for k, pose in enumerate(true_pose):
+        readings = np.zeros(8)
+        readings[POSE] = pose
+        state.motion_normal[0] = rng.standard_normal(N_DRAWS)
+        (sense_motion if k else start_motion)(state, parameters, readings, 0)
+        found.append(state.believed_pose[0].copy())
+    return np.array(found)
+
+
+PATH = np.array([[3.0, 3.0, 0.0], [10.0, 3.0, 0.5], [10.0, 12.0, -2.0]])
+"""True poses; the dock is at the first."""
+
+
+def test_frame_turns_about_the_dock_and_shifts() -> None:
+    found = poses(
+        {**EXACT_POSE, "nature.pose_sensor.frame_rotation_deg": 90.0, "nature.pose_sensor.frame_offset_m": [0.5, -1.0]},
+        PATH,
+    )
+    turned = [[3.5, 2.0, np.pi / 2], [3.5, 9.0, 0.5 + np.pi / 2], [-5.5, 9.0, -2.0 + np.pi / 2]]
+    np.testing.assert_allclose(found, turned, atol=1e-12)
+
+
+def test_bias_is_constant_in_the_robot_frame() -> None:
+    bias = {"nature.pose_sensor.position_bias_m": [0.2, 0.1], "nature.pose_sensor.heading_bias_deg": 3.0}
+    off = poses(EXACT_POSE | bias, PATH) - PATH
+    np.testing.assert_allclose(off[0], [0.2, 0.1, np.radians(3.0)], atol=1e-12)
+    turned = Rotation.from_euler("z", PATH[:, 2:]).apply([0.2, 0.1, 0.0])
+    np.testing.assert_allclose(off[:, :2], turned[:, :2], atol=1e-12)
+
+
+@pytest.mark.parametrize(("key", "value"), [("position_std_m", 0.5), ("heading_std_deg", 4.0), ("correlation_s", 0.2)])
+def test_true_pose_error_may_differ_from_the_believed_one(key: str, value: float) -> None:
+    at_rest = np.zeros((50, 3))
+    found = [poses({f"{table}.{key}": value}, at_rest) for table in ("pose_sensor", "nature.pose_sensor")]
+    np.testing.assert_array_equal(found[0], found[1])
+    assert not np.array_equal(found[0], poses({}, at_rest))
+
+
+NATURE: dict[str, Any] = {
+    "array.pattern": "helix_in_ring", "array.beam_width_scale": 1.1, "array.gain_error": 0.2,
+    "array.pointing_error_deg": 5.0, "array.position_error_m": 0.01, "array.gain_offset": 0.1,
+    "array.ring_radius_m": 0.2, "array.mount_yaw_deg": 5.0, "array.mount_tilt_deg": 3.0,
+    "array.mount_tilt_azimuth_deg": 90.0, "pose_sensor.position_std_m": 0.3, "pose_sensor.heading_std_deg": 3.0,
+    "pose_sensor.correlation_s": 50.0, "pose_sensor.position_bias_m": [0.1, 0.1], "pose_sensor.heading_bias_deg": 2.0,
+    "pose_sensor.frame_offset_m": [1.0, 0.0], "pose_sensor.frame_rotation_deg": 1.0,
+}  # fmt: skip
+
+
+def test_nature_does_not_change_what_the_robot_believes() -> None:
+    believed = load_scenario("bench")
+    scenario = load_scenario("bench", {f"nature.{key}": value for key, value in NATURE.items()})
+    assert data_sheet_sha256(scenario.known_array) == data_sheet_sha256(believed.known_array)
+    assert scenario.model_copy(update={"nature": believed.nature}) == believed
+    assert scenario.pose_sensor.pose_error == believed.pose_sensor.pose_error
