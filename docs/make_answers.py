@@ -25,7 +25,7 @@ from pdpatrol.missions.sweep.tables import cells, markdown
 
 DOCS = Path(__file__).parent
 POLICIES = ("seek", "active", "patrol", "random", "oracle")
-RENAMED_KEYS = {"locating.fix": "locating.solver"}
+RENAMED_KEYS = {"locating.fix": "locating.solver", "receiver.faults": "nature.receiver.faults"}
 """Keys of the scenario that had other names when the sweeps were stored."""
 
 BASIC = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
@@ -35,7 +35,7 @@ QUESTIONS = {
     "robots": (("robot.model",), (*BASIC, "path length over shortest", "contacts")),
     "pose": (("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), BASIC),
     "noise": (("receiver.noise_v",), ("bearing RMSE (deg)", *BASIC)),
-    "faults": (("receiver.faults",), ("bearing RMSE (deg)", *BASIC)),
+    "faults": (("nature.receiver.faults",), ("bearing RMSE (deg)", *BASIC)),
     "speed": (("robot.max_speed_mps",), (*BASIC, "contacts", "missed")),
 }
 """Settings that each stored sweep varies, with the one on the axis of its figure first, and columns of its table."""

@@ -138,6 +138,8 @@ class Episode(NamedTuple):
         array = HelicalArray.draw(
             scenario.array, rng, scenario.nature.array
         )  # last, so that the size of the array changes nothing else
+        true_receiver = scenario.nature.receiver
+        drift_db_per_min = true_receiver.draw_drift(array.n_elements, generators.receiver.spawn(1)[0])
         start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
         kinds = [{"kind": source.kind} for source in scenario.sources]
         truth = {
@@ -150,6 +152,8 @@ class Episode(NamedTuple):
             scene=Scene([*sources, *interferers], surroundings, carriers),
             nature_rng=generators.nature,
             receiver_rng=generators.receiver,
+            faults=scenario.nature.receiver.faults,
+            drift_db_per_min=drift_db_per_min,
         )
         return cls(listener, np.array(start), truth)
 
@@ -192,7 +196,7 @@ def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generat
         return None
     drawn_deg = rng.choice((0.0, 120.0, 240.0))
     conductor_deg = drawn_deg if config.conductor_deg is None else config.conductor_deg
-    return PulseTrain.of_kind(config.kind, scenario.receiver.mains_hz, radians(conductor_deg), rng)
+    return PulseTrain.of_kind(config.kind, scenario.true_mains_hz, radians(conductor_deg), rng)
 
 
 def _draw_emitter(config: SourceConfig | InterfererConfig, generators: Generators) -> dict[str, Any]:

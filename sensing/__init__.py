@@ -6,6 +6,7 @@ from pdpatrol.sensing.nature.sources import Carrier, DischargeSource, Scene
 from pdpatrol.sensing.radio.surroundings import Surroundings, level_transform, upright_solids
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import DetectedPulses
+from pdpatrol.sensing.receiver.faults import TrueReceiverConfig
 
 __all__ = [
     "ArrayConfig",
@@ -19,6 +20,7 @@ __all__ = [
     "Scene",
     "Surroundings",
     "TrueArrayConfig",
+    "TrueReceiverConfig",
     "level_transform",
     "upright_solids",
 ]

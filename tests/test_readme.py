@@ -65,10 +65,10 @@ def test_readme_command_works(sequence: list[str], tmp_path: Path) -> None:
 
 def test_documented_settings_are_accepted(tmp_path: Path) -> None:
     shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
-    assert "[receiver]" not in shipped
+    assert "[nature" not in shipped
     (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml", SCENARIOS)]), encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
-    assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
+    assert len(scenario.nature.receiver.faults) == len(scenario.carriers) == 1
     assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0]
     assert scenario.campaign.number == 1
     assert scenario.georeference is not None

@@ -11,7 +11,7 @@ from pydantic import Field
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import Config
 from pdpatrol.envs.scenario.robot import CorrelationTime, MetreError, PoseSensorConfig
-from pdpatrol.sensing import TrueArrayConfig
+from pdpatrol.sensing import TrueArrayConfig, TrueReceiverConfig
 from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Degree
 
 Offset = Annotated[float, Field(ge=-10.0, le=10.0), PLAIN_ZERO]
@@ -61,3 +61,4 @@ class NatureConfig(Config):
 
     array: TrueArrayConfig = TrueArrayConfig()
     pose_sensor: TruePoseConfig = TruePoseConfig()
+    receiver: TrueReceiverConfig = TrueReceiverConfig()

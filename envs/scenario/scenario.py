@@ -22,7 +22,7 @@ from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryCon
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import ArrayConfig, ReceiverConfig
+from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
@@ -48,6 +48,9 @@ waveforms per control step."""
 
 MAX_CHANGE_DB = 120.0
 """Maximum change of a source's level, by drift within a mission or by growth over a campaign."""
+
+MAX_DRIFT_DB = 40.0
+"""Maximum drift of the receiver's gain within a mission. Assumed; beyond it a receiver is defective."""
 
 MAX_RATE_HZ = 1e4
 """Maximum pulse rate of a source after growth, the same as for a source in the file."""
@@ -136,6 +139,11 @@ class Scenario(Config):
         return array if calibration is None else calibration.applied_to(array)
 
     @property
+    def true_mains_hz(self) -> float:
+        """True frequency of the mains supply."""
+        return self.receiver.mains_hz + self.nature.receiver.mains_offset_hz
+
+    @property
     def grown_sources(self) -> tuple[SourceConfig, ...]:
         """Sources as they are on the day of the inspection."""
         return tuple(source.after(self.campaign.weeks) for source in self.sources)
@@ -167,20 +175,23 @@ def _at_most(key: str, value: float, most: float, unit: str) -> Iterator[str]:
 
 
 def _table_errors(scenario: Scenario) -> Iterator[str]:
-    """Check the kinds of equipment, the channel faults, the estimator and the calibration."""
+    """Check the kinds of equipment, the channel faults, the true mount, the estimator and the calibration."""
     for key, pieces in (("yard.equipment", scenario.yard.equipment), ("map.extra", scenario.map.extra)):
         for i, item in enumerate(pieces):
             if item.kind not in KIND_MATERIALS:
                 yield f"{key}.{i}.kind: no kind `{item.kind}`; available: {', '.join(KIND_MATERIALS)}"
-    n, receiver = scenario.array.n_channels, scenario.receiver
-    channels = [fault.channel for fault in receiver.faults]
-    for i, fault in enumerate(receiver.faults):
+    n = scenario.array.n_channels
+    for i, fault in enumerate(scenario.nature.receiver.faults):
         for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):
             if channel > n:
-                yield f"receiver.faults.{i}.{key}: must be a channel from 1 to {n}, got {channel}"
-        if channels.index(fault.channel) != i:
-            yield f"receiver.faults.{i}.channel: must have one fault only, got {fault.channel} again"
-    if scenario.estimator.method == "sub_bands" and receiver.n_bands == 0:
+                yield f"nature.receiver.faults.{i}.{key}: must be a channel from 1 to {n}, got {channel}"
+    mounted = HelicalArray.draw(scenario.array, np.random.default_rng(0), scenario.nature.array)
+    if mounted.positions_m[:, 2].min() <= 0.0:
+        yield (
+            "nature.array.mount_tilt_deg: must keep all elements above the ground, got "
+            f"{scenario.nature.array.mount_tilt_deg:g}, lowest element at {mounted.positions_m[:, 2].min():.2f} m"
+        )
+    if scenario.estimator.method == "sub_bands" and scenario.receiver.n_bands == 0:
         yield "estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0"
     calibration, number = scenario.locating.calibration, scenario.array.serial_number
     if calibration is not None and number is None:
@@ -230,8 +241,11 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _growth_errors(scenario: Scenario) -> Iterator[str]:
-    """Check how much sources change, both since the campaign began and within a mission."""
+    """Check how much sources change, since the campaign began and within a mission, and how much the gain drifts."""
     weeks, when, minutes = scenario.campaign.weeks, f"on {scenario.campaign.day}", scenario.task.time_limit_s / 60.0
+    for key in ("temperature_drift_db_per_min", "temperature_spread_db_per_min"):
+        drift_db = getattr(scenario.nature.receiver, key) * minutes
+        yield from _at_most(f"nature.receiver.{key}", drift_db, MAX_DRIFT_DB, "dB within task.time_limit_s")
     for i, source in enumerate(scenario.sources):
         drift_db = source.drift_db_per_min * minutes
         yield from _at_most(f"sources.{i}.drift_db_per_min", drift_db, MAX_CHANGE_DB, "dB within task.time_limit_s")

@@ -86,7 +86,7 @@ def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
         values = [
             f"{key} {value}"
             for key, value in known.get(name, {}).items()
-            if key != "faults" and value not in (None, []) and not isinstance(value, dict)
+            if value not in (None, []) and not isinstance(value, dict)
         ]
         if values:
             lines[name] = ", ".join(values)

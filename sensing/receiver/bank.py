@@ -19,6 +19,7 @@ from pdpatrol.sensing.nature.sources import Emissions, Scene
 from pdpatrol.sensing.radio.arrivals import Propagation
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import FALSE_ALARM, DetectedPulses, ReceiverState, detect
+from pdpatrol.sensing.receiver.faults import ChannelFault, signal_factors
 from pdpatrol.sensing.receiver.receiver import Receiver
 
 AHEAD_S = 10.0
@@ -39,12 +40,16 @@ class Listener:
         scene: Sources and surroundings.
         nature_rng: Generator of the emissions.
         receiver_rng: Generator of noise and triggers.
+        faults: Faults of the channels.
+        drift_db_per_min: Drift of the gain of each channel, shape (n_elements,); None without drift.
     """
 
     array: HelicalArray
     scene: Scene
     nature_rng: np.random.Generator
     receiver_rng: np.random.Generator
+    faults: Sequence[ChannelFault] = ()
+    drift_db_per_min: FloatArray | None = None
     _drawn: Emissions = field(default=NO_EMISSIONS, init=False)
     _first_s: float = field(default=0.0, init=False)
     _last_s: float = field(default=0.0, init=False)
@@ -162,7 +167,7 @@ class ReceiverBank:
             ReceiverState(
                 sampler=receiver.sampler(array),
                 reading=self._reading,
-                channels=receiver.channels(0.0, (), array, np.eye(4)),
+                channels=receiver.channels(0.0, (), (), array, np.eye(4)),
                 propagation=Propagation(positions_m, scene.axes, scene.burst_s, table, scene.surroundings),
                 rng=listener.receiver_rng,
             )
@@ -171,16 +176,18 @@ class ReceiverBank:
     def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> Emissions:
         """Update what depends on the time and pose of a robot, and return its emissions in an interval."""
         receiver, listener, state = self._receiver, self._listeners[robot], self._states[robot].value
-        scene, array, config = listener.scene, listener.array, receiver.config
+        scene, array, faults, config = listener.scene, listener.array, listener.faults, receiver.config
         start_s, end_s = round(start_s, 9), round(start_s + duration_s, 9)
         if scene.has_movers:
             state.propagation.positions_m[:] = scene.positions_at(start_s)
-        if config.faults:
-            factors, table = receiver.signal_factors(start_s), state.propagation.array
+        if faults or listener.drift_db_per_min is not None:
+            factors = signal_factors(faults, listener.drift_db_per_min, array.n_elements, start_s)
+            table = state.propagation.array
             table.gain_factors[:] = array.gain_factors * factors
             table.gain_offsets[:] = array.gain_offsets * factors
-        if scene.carriers or config.faults:
-            channels, sampler = receiver.channels(start_s, scene.carriers, array, world_from_array), state.sampler
+        if scene.carriers or faults:
+            channels = receiver.channels(start_s, scene.carriers, faults, array, world_from_array)
+            sampler = state.sampler
             if scene.carriers:  # the trigger level must be above them
                 level_v = receiver.threshold_v + float(channels.tone_v.sum(axis=0).max())
                 sampler = sampler._replace(trigger=receiver.front_end.trigger(config.noise_v, level_v))
@@ -197,6 +204,7 @@ def listen_once(
     world_from_array: FloatArray,
     duration_s: float,
     start_s: float = 0.0,
+    faults: Sequence[ChannelFault] = (),
 ) -> DetectedPulses:
     """Return the pulses that one receiver detects at one pose.
 
@@ -208,6 +216,8 @@ def listen_once(
         world_from_array: True pose of the array, shape (4, 4).
         duration_s: Duration of the interval.
         start_s: Simulated time at the start of the interval.
+        faults: Faults of the channels.
     """
-    bank = ReceiverBank(config, [Listener(array=array, scene=scene, nature_rng=rng, receiver_rng=rng)])
+    listener = Listener(array=array, scene=scene, nature_rng=rng, receiver_rng=rng, faults=faults)
+    bank = ReceiverBank(config, [listener])
     return bank.listen(world_from_array[np.newaxis], np.array([start_s]), duration_s)

@@ -7,15 +7,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
-from pdpatrol.sensing.array.helical_array import MOST_ELEMENTS
 from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.quantities import (
     EchoSecond,
     FalseAlarmRate,
-    FaultDecibel,
     Hertz,
     MainsHertz,
-    MissionSecond,
     SampleRate,
     Volt,
 )
@@ -35,37 +32,8 @@ Band = Annotated[
 """Lower and upper edge of the band, or "all" for no band-pass filter."""
 
 
-class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """Fault of one channel, from `start_s` on.
-
-    `dead`: the signal is lost, but the noise remains. `gain_drift`: the gain changes by `gain_db` within `ramp_s`.
-    `saturation`: the output of the amplifier is limited to `level_v`. `swapped`: the plugs of this channel and of
-    channel `other` are swapped. `stuck`: the output of the ADC is constant.
-    """
-
-    channel: int = Field(ge=1, le=MOST_ELEMENTS)
-    kind: Literal["dead", "gain_drift", "saturation", "swapped", "stuck"]
-    start_s: MissionSecond = 0.0
-    gain_db: FaultDecibel | None = None
-    ramp_s: MissionSecond = 0.0
-    level_v: Volt | None = None
-    other: int | None = Field(default=None, ge=1, le=MOST_ELEMENTS)
-
-    @model_validator(mode="after")
-    def _check_keys_of_kind(self) -> Self:
-        for kind, key in (("gain_drift", "gain_db"), ("saturation", "level_v"), ("swapped", "other")):
-            is_given = getattr(self, key) is not None
-            if is_given and self.kind != kind:
-                raise ValueError(f"{key}: must be given for kind {kind} only, got kind {self.kind}")
-            if not is_given and self.kind == kind:
-                raise ValueError(f"{key}: must be given for kind {kind}")
-        if self.other == self.channel:
-            raise ValueError(f"other: must be another channel, got {self.other}")
-        return self
-
-
 class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """Receiver with a channel for each element and a common trigger.
+    """Receiver with a channel for each element and a common trigger, as the robot believes it.
 
     The defaults are assumed, close to those of a fast oscilloscope. When a channel crosses the threshold, the gate
     starts `pretrigger_samples` before the strongest channel reaches half its peak. A signal that lasts longer than any
@@ -94,7 +62,6 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
     """Number of sub-bands of equal width in which strengths are also read, for the estimator `sub_bands`. Their noise
     is correlated if they are narrower than the sampling rate divided by the number of samples of the gate, 222 MHz with
     the defaults."""
-    faults: tuple[ChannelFault, ...] = Field(default=(), max_length=MOST_ELEMENTS)
 
     @property
     def band_edges_hz(self) -> tuple[float, ...]:

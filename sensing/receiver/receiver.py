@@ -18,6 +18,7 @@ from pdpatrol.sensing.nature.sources import Carrier
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import GateReading
+from pdpatrol.sensing.receiver.faults import ChannelFault, add_faults
 from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Channels, Sampler
 
 if TYPE_CHECKING:
@@ -106,13 +107,19 @@ class Receiver:
         return gain_grid(array.pattern, bands_hz), peak
 
     def channels(
-        self, time_s: float, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray
+        self,
+        time_s: float,
+        carriers: Sequence[Carrier],
+        faults: Sequence[ChannelFault],
+        array: HelicalArray,
+        world_from_array: FloatArray,
     ) -> Channels:
         """Return the state of the channels at a given time, including carriers and the faults that have begun.
 
         Args:
             time_s: Simulated time.
             carriers: Carriers.
+            faults: Faults of the channels.
             array: The array.
             world_from_array: Pose of the array, shape (4, 4), on which the received carriers depend.
         """
@@ -130,27 +137,6 @@ class Receiver:
         channels = Channels(
             np.full(n, np.inf), background_v2, np.arange(n), np.full(n, np.nan), tone_v, tone_rad, turn_rad
         )
-        for fault in self.config.faults:
-            channel = fault.channel - 1
-            if time_s < fault.start_s:
-                continue
-            if fault.kind == "saturation" and fault.level_v is not None:
-                channels.limit_v[channel] = fault.level_v
-            elif fault.kind == "stuck":
-                channels.stuck_v[channel] = 0.25 * self.config.full_scale_v  # assumed; any constant has the same effect
-            elif fault.kind == "swapped" and fault.other is not None:
-                pair = [channel, fault.other - 1]
-                channels.source[pair] = channels.source[pair[::-1]]
+        # Assumed; any constant has the same effect.
+        add_faults(channels, faults, time_s, stuck_v=0.25 * self.config.full_scale_v)
         return channels
-
-    def signal_factors(self, time_s: float) -> FloatArray:
-        """Return the factors by which faults scale the signals, before noise, at a given time, shape (n_elements,)."""
-        factors = np.ones(self.n_elements)
-        for fault in self.config.faults:
-            since_s, channel = time_s - fault.start_s, fault.channel - 1
-            if fault.kind == "dead" and since_s >= 0:
-                factors[channel] = 0.0
-            elif fault.kind == "gain_drift" and fault.gain_db is not None and since_s >= 0:
-                share = min(since_s / fault.ramp_s, 1.0) if fault.ramp_s > 0 else 1.0
-                factors[channel] = 10 ** (fault.gain_db * share / 20)
-        return factors

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import sense_motion, start_motion
@@ -27,17 +28,34 @@ OFF_M = np.array([4.0, 2.5, 2.0])
 
 def loaded(settings: dict[str, Any]) -> Scenario:
     gate = {"receiver.pretrigger_samples": 60, "receiver.gate_samples": 200}
-    return load_scenario("bench", {"receiver.noise_v": 1e-5, "receiver.bits": 24, **gate, **EXACT, **settings})
+    brief = {"task.time_limit_s": 600.0}
+    return load_scenario(
+        "bench",
+        {
+            **brief,
+            "receiver.noise_v": 1e-5,
+            "receiver.bits": 24,
+            "receiver.full_scale_v": 5.0,
+            **gate,
+            **EXACT,
+            **settings,
+        },
+    )
 
 
-def strengths(settings: dict[str, Any], *, start_s: float = 0.0, seed: int = 0) -> np.ndarray:
-    """Return the mean strengths (6,) of pulses in free space, for a robot that faces east and a source at `OFF_M`."""
+def listen(settings: dict[str, Any], *, start_s: float = 0.0, seed: int = 0) -> PulseBatch:
+    """Return the pulses of one second in free space, for a robot that faces east and a source at `OFF_M`."""
     scenario, pose = loaded(settings), np.eye(4)
     pose[:2, 3] = ROBOT_M
     options = ResetOptions(sources_m={"gun": pose[:3, 3] + OFF_M})
     episode = Episode.draw(scenario, Surroundings(), Generators.spawn(np.random.default_rng(seed)), options)
     bank = ReceiverBank(scenario.receiver, [episode.listener])
-    return bank.listen(pose[np.newaxis], np.array([start_s]), 1.0).pulses.strengths_v.mean(axis=0)
+    return bank.listen(pose[np.newaxis], np.array([start_s]), 1.0).pulses
+
+
+def strengths(settings: dict[str, Any], *, start_s: float = 0.0, seed: int = 0) -> np.ndarray:
+    """Return the mean strengths (6,) of these pulses."""
+    return listen(settings, start_s=start_s, seed=seed).strengths_v.mean(axis=0)
 
 
 def paper_gain(angle_deg: np.ndarray) -> np.ndarray:
@@ -125,6 +143,45 @@ def test_true_spread_may_differ_from_the_believed_one(key: str) -> None:
     assert not np.array_equal(found[0], strengths({}))
 
 
+def test_gain_drifts_with_temperature_in_all_channels() -> None:
+    drift = {"nature.receiver.temperature_drift_db_per_min": 2.0}
+    np.testing.assert_array_equal(strengths(drift), strengths({}))
+    np.testing.assert_allclose(strengths(drift, start_s=90.0) / strengths({}), 10 ** (3.0 / 20.0), rtol=1e-3)
+
+
+def test_drift_of_channels_has_its_spread() -> None:
+    spread = {"nature.receiver.temperature_spread_db_per_min": 0.5}
+    ratio = [strengths(spread, start_s=60.0, seed=seed) / strengths({}, seed=seed) for seed in range(30)]
+    drift_db = 20.0 * np.log10(ratio)
+    assert drift_db.std() == pytest.approx(0.5, rel=0.15)
+    assert abs(drift_db.mean()) < 0.15
+
+
+def test_two_faults_of_one_channel_add() -> None:
+    fault = {"channel": 2, "kind": "gain_drift", "gain_db": -6.0}
+    found = strengths({"nature.receiver.faults": [fault, fault]}) / strengths({})
+    np.testing.assert_allclose(found, [1.0, 10 ** (-12.0 / 20.0), 1.0, 1.0, 1.0, 1.0], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("start_s", "is_bad"), [(0.0, False), (2.0, True), (3.0, False), (6.0, True)])
+def test_intermittent_channel_is_bad_and_good_in_turns(start_s: float, is_bad: bool) -> None:
+    loose = {"channel": 4, "kind": "intermittent", "gain_db": -20.0, "start_s": 2.0, "bad_s": 1.0, "good_s": 3.0}
+    found = strengths({"nature.receiver.faults": [loose]}, start_s=start_s) / strengths({})
+    np.testing.assert_allclose(found, [1.0, 1.0, 1.0, 0.1 if is_bad else 1.0, 1.0, 1.0], rtol=2e-3)
+
+
+@pytest.mark.parametrize("offset_hz", [0.0, 0.1, -0.1])
+def test_phases_drift_if_the_mains_is_not_as_believed(offset_hz: float) -> None:
+    """If the mains is 0.1 Hz faster than believed, discharges come an eighth of a cycle earlier after 1.25 s."""
+    void = {"name": "gun", "position_m": [20.0, 3.0, 1.0], "kind": "void", "pulse_rate_hz": 500.0, "amplitude_v": 2.5}
+    settings = {"sources": [void], "nature.receiver.mains_offset_hz": offset_hz}
+    early, late = (listen(settings, start_s=start_s).mains_phase_rad for start_s in (0.0, 1.25))
+    shift_rad = (
+        np.angle(np.exp(2j * late).mean() / np.exp(2j * early).mean()) / 2
+    )  # the pattern repeats twice per cycle
+    assert shift_rad == pytest.approx(-2 * np.pi * offset_hz * 1.25, abs=0.05)
+
+
 def poses(settings: dict[str, Any], true_pose: np.ndarray, seed: int = 0) -> np.ndarray:
     """Return the readings of the pose sensor (n, 3) at true poses (n, 3), 0.1 s apart."""
     scenario = loaded(settings)
@@ -175,6 +232,8 @@ NATURE: dict[str, Any] = {
     "array.mount_tilt_azimuth_deg": 90.0, "pose_sensor.position_std_m": 0.3, "pose_sensor.heading_std_deg": 3.0,
     "pose_sensor.correlation_s": 50.0, "pose_sensor.position_bias_m": [0.1, 0.1], "pose_sensor.heading_bias_deg": 2.0,
     "pose_sensor.frame_offset_m": [1.0, 0.0], "pose_sensor.frame_rotation_deg": 1.0,
+    "receiver.faults": [{"channel": 1, "kind": "dead"}], "receiver.temperature_drift_db_per_min": 0.5,
+    "receiver.temperature_spread_db_per_min": 0.1, "receiver.mains_offset_hz": 0.02,
 }  # fmt: skip
 
 

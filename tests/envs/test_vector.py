@@ -85,7 +85,7 @@ def test_row_equals_single_environment_to_the_bit(num_envs: int, num_threads: in
 def test_rows_with_faulty_channels_equal_single_environments() -> None:
     fault = {"channel": 2, "kind": "dead", "start_s": 1.0}
     many = [{"name": f"in_{item}", "sites": [f"{item}/*"], "pulse_rate_hz": 60.0} for item in ("vt_west", "vt_east")]
-    assert_rows_equal_singles(brisk("two_sources", **{"receiver.faults": [fault], "sources": many}))
+    assert_rows_equal_singles(brisk("two_sources", **{"nature.receiver.faults": [fault], "sources": many}))
 
 
 def test_moving_interferer_is_where_each_row_has_it() -> None:

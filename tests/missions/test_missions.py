@@ -11,7 +11,7 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.report.wording import PULSE_CLASSES
 from pdpatrol.missions.runner import Mission, run_mission
-from pdpatrol.sensing.receiver.config import ChannelFault
+from pdpatrol.sensing.receiver.faults import ChannelFault
 
 
 def test_robot_without_route_stands_still() -> None:
@@ -196,7 +196,7 @@ def test_clipped_pulses_are_not_used_for_locating() -> None:
 
 def test_mission_survives_a_dead_channel() -> None:
     dead = ChannelFault(channel=2, kind="dead", start_s=5.0)
-    report = make_report(run_mission(load_scenario("one_source", {"receiver.faults": (dead,)}), seed=1), 0.0)
+    report = make_report(run_mission(load_scenario("one_source", {"nature.receiver.faults": (dead,)}), seed=1), 0.0)
     (fault,) = report.channel_faults
     assert "channel 2 is dead" in fault
     assert all(source.found for source in report.scores.sources)

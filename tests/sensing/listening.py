@@ -19,6 +19,7 @@ from pdpatrol.sensing import (
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
 from pdpatrol.sensing.receiver.bank import Listener, listen_once
+from pdpatrol.sensing.receiver.faults import ChannelFault
 from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from pdpatrol.sensing.receiver.sampling import add_noise, settle
@@ -44,6 +45,7 @@ def listen(
     carriers: tuple[Carrier, ...] = (),
     array: HelicalArray = NOMINAL,
     world_from_array: FloatArray = AT_ORIGIN,
+    faults: tuple[ChannelFault, ...] = (),
     **config: Any,  # noqa: ANN401 - settings are of many types
 ) -> DetectedPulses:
     """Return the pulses that one receiver detects, by default at the origin."""
@@ -56,6 +58,7 @@ def listen(
         world_from_array=world_from_array,
         start_s=start_s,
         duration_s=duration_s,
+        faults=faults,
     )
 
 

@@ -10,7 +10,7 @@ from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
 from pdpatrol.sensing import Carrier, DetectedPulses, DischargeSource, ReceiverConfig
 from pdpatrol.sensing.nature.pulses import unit_pulse_energy
-from pdpatrol.sensing.receiver.config import ChannelFault
+from pdpatrol.sensing.receiver.faults import ChannelFault
 from tests.sensing.listening import NOMINAL, listen
 
 RING = GainManifold.ring(6)

@@ -26,7 +26,11 @@ SMALL: dict[str, Any] = {
     "map": {"missing": ["ct"], "moved": [{"name": "tank", "by_m": [0.3, -0.2]}]},
     "route": {"dock_m": [3.0, 3.0], "dock_yaw_deg": 0.0, "waypoints_m": [[10.0, 5.0], [16.0, 8.0]]},
     "array": {"n_elements": 6, "gain_error": 0.05},
-    "receiver": {"faults": [{"channel": 2, "kind": "gain_drift", "gain_db": -6.0, "start_s": 1.0}]},
+    "nature": {
+        "array": {"beam_width_scale": 1.05, "mount_yaw_deg": 1.0, "mount_tilt_deg": -2.0},
+        "pose_sensor": {"heading_std_deg": 1.0, "frame_offset_m": [0.1, 0.0], "heading_bias_deg": 0.5},
+        "receiver": {"faults": [{"channel": 2, "kind": "gain_drift", "gain_db": -6.0, "start_s": 1.0}]},
+    },
     "sources": [
         {"name": "one", "sites": ["tank/*"], "kind": "void", "conductor_deg": 120.0, "active_s": [0.0, 100.0]},
         {"name": "gun", "position_m": [16.0, 12.0, 2.0], "n_shots": 20, "first_shot_s": 1.0, "pulse_rate_hz": 5.0},

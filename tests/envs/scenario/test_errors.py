@@ -106,8 +106,8 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "receiver.pretrigger_samples: must be less than gate_samples 10, got 20",
     ),
     (
-        {"receiver.faults": [{"channel": 1, "kind": "gain_drift"}]},
-        "receiver.faults.0.gain_db: must be given for kind gain_drift",
+        {"nature.receiver.faults": [{"channel": 1, "kind": "gain_drift"}]},
+        "nature.receiver.faults.0.gain_db: must be given for kind gain_drift",
     ),
     (
         {"interferers": [{**TRAM, "moves_to_m": [-5.0, 25.0, 1.0]}]},
@@ -165,12 +165,20 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ),
     # combinations
     (
-        {"receiver.faults": [{"channel": 7, "kind": "dead"}]},
-        "receiver.faults.0.channel: must be a channel from 1 to 6, got 7",
+        {"nature.receiver.faults": [{"channel": 7, "kind": "dead"}]},
+        "nature.receiver.faults.0.channel: must be a channel from 1 to 6, got 7",
     ),
     (
-        {"receiver.faults": [{"channel": 2, "kind": "dead"}] * 2},
-        "receiver.faults.1.channel: must have one fault only, got 2 again",
+        {"nature.receiver.faults": [{"channel": 2, "kind": "intermittent", "gain_db": -20.0, "bad_s": 1.0}]},
+        "nature.receiver.faults.0.good_s: must be given for kind intermittent",
+    ),
+    (
+        {"nature.receiver.temperature_drift_db_per_min": 15.0, "task.time_limit_s": 600.0},
+        "nature.receiver.temperature_drift_db_per_min: must be at most 40 dB within task.time_limit_s, got 150",
+    ),
+    (
+        {"nature.array.mount_tilt_deg": 30.0, "array.ring_radius_m": 1.5},
+        "nature.array.mount_tilt_deg: must keep all elements above the ground, got 30, lowest element at",
     ),
     ({"estimator.method": "sub_bands"}, "estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0"),
     ({"robot.max_speed_mps": 3.0}, "robot.max_speed_mps: must be at most the limit of the robot, 0.8, got 3"),

@@ -63,7 +63,7 @@ def test_levels_differ_as_described() -> None:
     for name, (level, scenario) in scenarios.items():
         n_sources = len(scenario.sources)
         assert (2 <= n_sources <= 5) if level == "several" else n_sources == (level != "quiet"), name
-        assert bool(scenario.receiver.faults) == (level == "faulty"), name
+        assert bool(scenario.nature.receiver.faults) == (level == "faulty"), name
         assert (scenario.known_yard is not scenario.yard) == (level == "wrong_map"), name
         assert (scenario.pose_sensor.position_std_m, scenario.pose_sensor.heading_std_deg) == (
             (0.2, 2.0) if level == "poor_pose" else (0.05, 0.5)
