@@ -39,7 +39,7 @@ def add_pose_error(
 def start_motion(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
     """Initialise the sensors of robot `r` at the start of an episode; arguments as in `sense_motion`."""
     state.pose_error[r] = np.nan
-    state.n_steps[r], state.time_s[r], state.battery[r] = 0.0, 0.0, 1.0
+    state.n_steps[r], state.time_s[r], state.battery[r], state.lost_until_s[r] = 0.0, 0.0, 1.0, 0.0
     sense_pose(state, parameters, reading, r)
     for k in range(3):
         state.odometry[r, k] = state.believed_pose[r, k]
@@ -67,7 +67,18 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
     state.n_steps[r] += 1
     state.time_s[r] = state.n_steps[r] * step_s
     state.battery[r] = max(state.battery[r] - used_wh / parameters.capacity_wh, 0.0)
+    events, believed = state.pose_events[r], state.believed_pose[r]
+    if events[0] < parameters.jump_probability:
+        for k in range(3):
+            state.pose_error[r, k] += parameters.jump_std[k] * events[2 + k]
+    if events[1] < parameters.dropout_probability and state.time_s[r] >= state.lost_until_s[r]:
+        state.lost_until_s[r] = state.time_s[r] + parameters.dropout_s - 1e-9
+    x, y, yaw = believed[0], believed[1], believed[2]
     sense_pose(state, parameters, reading, r)
+    if state.time_s[r] < state.lost_until_s[r]:
+        believed[0] = x + path_m * np.cos(yaw + 0.5 * turn_rad)
+        believed[1] = y + path_m * np.sin(yaw + 0.5 * turn_rad)
+        believed[2] = wrapped(yaw + turn_rad)
 
 
 @compiled_inner

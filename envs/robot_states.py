@@ -30,6 +30,7 @@ class RobotStates(NamedTuple):
         true_pose: True pose, x m, y m, yaw in (-pi, pi], shape (n_robots, 3).
         believed_pose: Reading of the pose sensor, same units and shape.
         pose_error: Error of that reading, NaN before the first reading, same units and shape.
+        lost_until_s: Time at which the last dropout of the pose sensor ends, shape (n_robots,).
         odometry: Pose estimated from wheels and gyro alone, same units and shape.
         wheels_rad: Angles of the left and right wheels, shape (n_robots, 2).
         metres_per_radian: Wheel radius that the odometry assumes, m per rad, shape (n_robots,).
@@ -51,6 +52,8 @@ class RobotStates(NamedTuple):
         bearing: Cos and sin of the last bearing, world frame, zeros before the first, shape (n_robots, 2).
         bearing_age_s: Time since the last bearing, shape (n_robots,).
         motion_normal: Standard normal draws for the motion sensors, shape (n_robots, N_DRAWS).
+        pose_events: Draws for jumps and dropouts of the pose sensor: two uniform ones, and three standard normal ones
+            for the size of a jump, shape (n_robots, 5); 0 if there are no jumps and dropouts.
         lidar_normal: Standard normal draws for the lidar, shape (n_robots, n_beams).
         is_usable: True for channels that have not been found faulty, shape (n_robots, n_elements).
         spectrum_gain: Gains of the usable channels towards `SPECTRUM_AZIMUTHS_RAD`, scaled to unit norm, shape
@@ -62,6 +65,7 @@ class RobotStates(NamedTuple):
     true_pose: FloatArray
     believed_pose: FloatArray
     pose_error: FloatArray
+    lost_until_s: FloatArray
     odometry: FloatArray
     wheels_rad: FloatArray
     metres_per_radian: FloatArray
@@ -83,6 +87,7 @@ class RobotStates(NamedTuple):
     bearing: FloatArray
     bearing_age_s: FloatArray
     motion_normal: FloatArray
+    pose_events: FloatArray
     lidar_normal: FloatArray
     is_usable: BoolArray
     spectrum_gain: FloatArray
@@ -102,6 +107,7 @@ class RobotStates(NamedTuple):
             "waypoints_visited": (len(scenario.route.stops_m),),
             "bearing": (2,),
             "motion_normal": (N_DRAWS,),
+            "pose_events": (5,),
             "lidar_normal": (LIDAR_BEAMS,),
             "is_usable": (n_elements,),
             "spectrum_gain": (n_elements, SPECTRUM_AZIMUTHS_RAD.size),
@@ -121,6 +127,10 @@ class Parameters(NamedTuple):
         max_steps: Number of steps after which an episode is truncated.
         pose_std: True standard deviations of the pose sensor's error in x, y and yaw, shape (3,).
         pose_correlation: Correlation between the pose sensor's errors in successive steps.
+        jump_std: Standard deviations by which the pose sensor's error jumps, in x, y and yaw, shape (3,).
+        jump_probability: Probability of a jump in a step.
+        dropout_probability: Probability that a dropout of the pose sensor begins in a step.
+        dropout_s: Duration of a dropout.
         pose_bias: Constant error of the pose sensor: forward m, left m, yaw rad, shape (3,).
         frame: Displacement and rotation of the localisation against the map, x m, y m, yaw rad, shape (3,).
         gyro_noise_rad: Standard deviation of the gyro noise per step.
@@ -141,6 +151,10 @@ class Parameters(NamedTuple):
     max_steps: int
     pose_std: FloatArray
     pose_correlation: float
+    jump_std: FloatArray
+    jump_probability: float
+    dropout_probability: float
+    dropout_s: float
     pose_bias: FloatArray
     frame: FloatArray
     gyro_noise_rad: float
@@ -180,6 +194,10 @@ class Parameters(NamedTuple):
             max_steps=math.ceil(min(task.time_limit_s / step_s - 1e-6, max_episode_steps or math.inf)),
             pose_std=pose_sensor.std,
             pose_correlation=pose_sensor.correlation(step_s),
+            jump_std=true_pose.jump_std,
+            jump_probability=1.0 - math.exp(-true_pose.jumps_per_min / 60.0 * step_s),
+            dropout_probability=1.0 - math.exp(-true_pose.dropouts_per_min / 60.0 * step_s),
+            dropout_s=true_pose.dropout_s,
             pose_bias=true_pose.bias,
             frame=true_pose.frame,
             gyro_noise_rad=math.radians(odometry.gyro_noise_deg_per_sqrt_min) / 60.0**0.5 * step_s**0.5,

@@ -117,6 +117,8 @@ class Simulation:
         self._all_rows = np.arange(n_robots)
         self.truths: list[dict[str, Any]] = [{}] * n_robots
         self.generators, self._monitors = dict[int, Generators](), dict[int, ChannelMonitor]()
+        self._has_pose_events = parameters.jump_probability + parameters.dropout_probability > 0.0
+        self._pose_events = dict[int, np.random.Generator]()
         self._receivers: ReceiverBank | None = None
         self.pulse_rows = self._all_rows[:0]
         self.pulses = PulseBatch.none(scenario.array.n_channels, scenario.receiver.n_bands)
@@ -140,6 +142,8 @@ class Simulation:
             self.truths[row], self.generators[row] = episode.truth, own
             self._monitors[row], self.suspects[row] = ChannelMonitor(self.array, self.estimator), ()
             states.sources_m[row] = episode.listener.scene.positions_m[: len(self.scenario.sources), :2]
+            if self._has_pose_events:
+                self._pose_events[row] = own.motion.spawn(1)[0]
             self._draw_noise(row)
             scale, bias = own.motion.standard_normal(2)
             states.metres_per_radian[row] = self.robot.wheel_radius_m * (1.0 + odometry.wheel_radius_error * scale)
@@ -186,6 +190,9 @@ class Simulation:
 
     def _draw_noise(self, row: int) -> None:
         self.generators[row].motion.standard_normal(out=self.states.motion_normal[row])
+        if self._has_pose_events:
+            rng, events = self._pose_events[row], self.states.pose_events[row]
+            events[:2], events[2:] = rng.random(2), rng.standard_normal(3)
         self.generators[row].lidar.standard_normal(out=self.states.lidar_normal[row])
 
     def _watch_channels(self, row: int, own: slice) -> None:

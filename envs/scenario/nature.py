@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from math import radians
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import Config
@@ -17,11 +17,15 @@ from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Degree
 Offset = Annotated[float, Field(ge=-10.0, le=10.0), PLAIN_ZERO]
 """Constant error of a position, metres."""
 
+PerMinute = Annotated[float, Field(ge=0.0, le=600.0), PLAIN_ZERO]
+"""Mean number of events per minute, at most one per control step."""
+
 
 class TruePoseConfig(Config):
     """True errors of the pose sensor; keys that are left out have the believed values, which are 0 for a bias.
 
-    A reading is the true pose, in the frame of the localisation, with the bias and a correlated error.
+    A reading is the true pose, in the frame of the localisation, with the bias and a correlated error. Jumps and
+    dropouts come at random times, as Poisson processes.
     """
 
     position_std_m: MetreError | None = None
@@ -36,10 +40,31 @@ class TruePoseConfig(Config):
     frame_rotation_deg: Degree = 0.0
     """Rotation of that frame about the dock, counter-clockwise, before the displacement."""
 
+    jumps_per_min: PerMinute = 0.0
+    jump_std_m: MetreError = 0.0
+    """Standard deviation by which the error jumps along x and along y. It then decays with the correlation time, as
+    when a scan is matched to the wrong place and the localisation recovers."""
+    jump_std_deg: AngleError = 0.0
+    dropouts_per_min: PerMinute = 0.0
+    dropout_s: Annotated[float, Field(ge=0.0, le=86_400.0), PLAIN_ZERO] = 0.0
+    """Duration of each dropout, during which the pose is dead-reckoned by wheels and gyro."""
+
     def applied_to(self, believed: PoseSensorConfig) -> PoseSensorConfig:
         """Return the believed pose sensor with the true deviations and correlation time."""
         keys = PoseSensorConfig.model_fields
         return believed.model_copy(update={key: getattr(self, key) for key in keys if getattr(self, key) is not None})
+
+    @property
+    def jump_std(self) -> FloatArray:
+        """Standard deviations of a jump in x m, y m and yaw rad."""
+        return np.array([self.jump_std_m, self.jump_std_m, radians(self.jump_std_deg)])
+
+    @model_validator(mode="after")
+    def _check_events(self) -> Self:
+        for rate, sizes in (("jumps_per_min", ("jump_std_m", "jump_std_deg")), ("dropouts_per_min", ("dropout_s",))):
+            if (getattr(self, rate) > 0.0) != any(getattr(self, size) > 0.0 for size in sizes):
+                raise ValueError(f"{rate}, {' or '.join(sizes)}: must be given together")
+        return self
 
     @property
     def bias(self) -> FloatArray:

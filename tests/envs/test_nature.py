@@ -10,6 +10,7 @@ from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import sense_motion, start_motion
+from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
 from pdpatrol.envs.scenario.array import data_sheet_sha256
 from pdpatrol.robot_models.readings import POSE
@@ -225,12 +226,51 @@ def test_true_pose_error_may_differ_from_the_believed_one(key: str, value: float
     assert not np.array_equal(found[0], poses({}, at_rest))
 
 
+def driven(settings: dict[str, Any], n_steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return believed, true and odometry poses (n, 3) of a robot that drives in a small circle."""
+    env = PatrolEnv(loaded(EXACT_POSE | settings))
+    env.reset(seed=0, options={"start_pose": [20.0, 4.0, 0.0]})
+    infos = [env.step(np.array([0.4, 0.9], np.float32))[-1] for _ in range(n_steps)]
+    believed, true, odometry = (
+        np.array([info[key] for info in infos]) for key in ("believed_pose", "true_pose", "odometry")
+    )
+    return believed, true, odometry
+
+
+def test_jumps_have_their_rate_and_size_and_decay() -> None:
+    jumps = {"nature.pose_sensor.jumps_per_min": 15.0, "nature.pose_sensor.jump_std_m": 0.4}
+    believed, true, _ = driven(jumps, 3000)
+    off_m = (believed - true)[:, :2]
+    added_m = off_m[1:] - np.exp(-0.1 / 5.0) * off_m[:-1]
+    has_jumped = np.abs(added_m).max(axis=1) > 1e-9
+    assert has_jumped.sum() == pytest.approx(300.0 / 4.0, abs=4 * np.sqrt(75.0))
+    assert added_m[has_jumped].std() == pytest.approx(0.4, rel=0.2)
+    np.testing.assert_allclose(believed[:, 2], true[:, 2], atol=1e-9)
+
+
+def test_pose_is_dead_reckoned_during_dropouts() -> None:
+    """The error grows as that of the odometry in a dropout, and is that of the sensor, here 0, otherwise."""
+    dropouts = {"nature.pose_sensor.dropouts_per_min": 6.0, "nature.pose_sensor.dropout_s": 3.0,
+                "odometry.wheel_radius_error": 0.2}  # fmt: skip
+    believed, true, odometry = driven(dropouts, 2000)
+    is_lost = np.abs(believed - true).max(axis=1) > 1e-9
+    assert is_lost.mean() == pytest.approx(3.0 / (10.0 + 3.0), abs=0.1)
+    ends = np.flatnonzero(np.diff(is_lost.astype(int)))
+    lengths = np.diff(ends)[0 if is_lost[ends[0] + 1] else 1 :: 2]
+    assert set(lengths.tolist()) == {30}
+    lost = np.flatnonzero(is_lost[1:]) + 1
+    steps_m = [np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1) for path in (believed, odometry)]
+    np.testing.assert_allclose(steps_m[0][lost - 1], steps_m[1][lost - 1], atol=1e-9)
+
+
 NATURE: dict[str, Any] = {
     "array.pattern": "helix_in_ring", "array.beam_width_scale": 1.1, "array.gain_error": 0.2,
     "array.pointing_error_deg": 5.0, "array.position_error_m": 0.01, "array.gain_offset": 0.1,
     "array.ring_radius_m": 0.2, "array.mount_yaw_deg": 5.0, "array.mount_tilt_deg": 3.0,
     "array.mount_tilt_azimuth_deg": 90.0, "pose_sensor.position_std_m": 0.3, "pose_sensor.heading_std_deg": 3.0,
     "pose_sensor.correlation_s": 50.0, "pose_sensor.position_bias_m": [0.1, 0.1], "pose_sensor.heading_bias_deg": 2.0,
+    "pose_sensor.jumps_per_min": 1.0, "pose_sensor.jump_std_m": 0.5, "pose_sensor.jump_std_deg": 5.0,
+    "pose_sensor.dropouts_per_min": 1.0, "pose_sensor.dropout_s": 5.0,
     "pose_sensor.frame_offset_m": [1.0, 0.0], "pose_sensor.frame_rotation_deg": 1.0,
     "receiver.faults": [{"channel": 1, "kind": "dead"}], "receiver.temperature_drift_db_per_min": 0.5,
     "receiver.temperature_spread_db_per_min": 0.1, "receiver.mains_offset_hz": 0.02,

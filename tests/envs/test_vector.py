@@ -88,6 +88,18 @@ def test_rows_with_faulty_channels_equal_single_environments() -> None:
     assert_rows_equal_singles(brisk("two_sources", **{"nature.receiver.faults": [fault], "sources": many}))
 
 
+def test_rows_with_another_nature_equal_single_environments() -> None:
+    """Array, pose sensor with jumps and dropouts, and drifting receiver differ from what is believed."""
+    nature = {
+        "array": {"beam_width_scale": 1.1, "mount_yaw_deg": 2.0},
+        "pose_sensor": {"jumps_per_min": 60.0, "jump_std_m": 0.3, "dropouts_per_min": 30.0, "dropout_s": 0.5,
+                        "frame_rotation_deg": 1.0},
+        "receiver": {"temperature_spread_db_per_min": 2.0, "temperature_drift_db_per_min": 3.0},
+    }  # fmt: skip
+    *_, n_detected = assert_rows_equal_singles(brisk("two_sources", nature=nature))
+    assert n_detected > 10
+
+
 def test_moving_interferer_is_where_each_row_has_it() -> None:
     *_, n_detected = assert_rows_equal_singles(
         brisk("one_source", **{"interferers": [TRAM | MOVING], "task.time_limit_s": 9.0})

@@ -177,6 +177,10 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "nature.receiver.temperature_drift_db_per_min: must be at most 40 dB within task.time_limit_s, got 150",
     ),
     (
+        {"nature.pose_sensor.jumps_per_min": 1.0},
+        "nature.pose_sensor.jumps_per_min, jump_std_m or jump_std_deg: must be given together",
+    ),
+    (
         {"nature.array.mount_tilt_deg": 30.0, "array.ring_radius_m": 1.5},
         "nature.array.mount_tilt_deg: must keep all elements above the ground, got 30, lowest element at",
     ),
