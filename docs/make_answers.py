@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from pdpatrol.missions.sweep.analysis import ALL, summarise_groups
+from pdpatrol.missions.sweep.analysis import ALL, LEVELS, summarise_groups
 from pdpatrol.missions.sweep.dataset import Dataset, Frame
 from pdpatrol.missions.sweep.figures import (
     draw_errors,
@@ -21,14 +21,14 @@ from pdpatrol.missions.sweep.figures import (
     label_of,
     missions_with_sources,
 )
-from pdpatrol.missions.sweep.tables import cells, markdown
+from pdpatrol.missions.sweep.tables import cells, coverage_lines, markdown
 
 DOCS = Path(__file__).parent
 POLICIES = ("seek", "active", "patrol", "random", "oracle")
 RENAMED_KEYS = {"locating.fix": "locating.solver", "receiver.faults": "nature.receiver.faults"}
 """Keys of the scenario that had other names when the sweeps were stored."""
 
-BASIC = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
+BASIC = ("found (%)", "median error (m)", "coverage 2-D 95 %", "time to confirm (s)", "false")
 QUESTIONS = {
     "elements": (("array.n_elements",), ("bearing RMSE (deg)", *BASIC)),
     "methods": (("estimator.method", "locating.solver"), ("bearing RMSE (deg)", *BASIC)),
@@ -85,11 +85,20 @@ def policies_table() -> str:
 
 
 def levels_table() -> str:
-    """Make a table of all figures of `seek` on the public suite."""
-    lines = [list(cells(summary).items()) for summary in summarise_groups(rows_of("public"))]
-    hidden = ("policy", "set", "bearing RMSE (deg)")
-    headings = [heading.replace("scenario or ", "") for heading, _ in lines[0] if heading not in hidden]
-    return markdown(headings, [[text for heading, text in line if heading not in hidden] for line in lines])
+    """Make a table of the scores of `seek` on the public suite."""
+    headings = (
+        "missions", "found (%)", "within 0.3 m (%)", "median error (m)", "right site (%)", "time to confirm (s)",
+        "false", "wrong live (%)", "certified", "false all-clear",
+    )  # fmt: skip
+    texts = [cells(summary) for summary in summarise_groups(rows_of("public"))]
+    return markdown(["level", *headings], [[each["scenario or level"], *(each[h] for h in headings)] for each in texts])
+
+
+def coverage_level_table() -> str:
+    """Make a table of the coverage of each stated share by `seek` on the public suite."""
+    texts = [cells(summary) for summary in summarise_groups(rows_of("public"))]
+    lines = [[each["scenario or level"], *line] for each in texts for line in coverage_lines(each) if "-" not in line]
+    return markdown(["level", "coverage (%)", *(f"{100 * share:g} %" for share in LEVELS)], lines)
 
 
 def insert(document: str, tables: Mapping[str, str]) -> str:
@@ -115,7 +124,12 @@ def draw() -> None:
 
 def main() -> None:
     """Update the tables and figures, or check the tables."""
-    tables = {"worth": worth_table(), "policies": policies_table(), "levels": levels_table()}
+    tables = {
+        "worth": worth_table(),
+        "policies": policies_table(),
+        "levels": levels_table(),
+        "coverage": coverage_level_table(),
+    }
     tables |= {name: settings_table(name) for name in QUESTIONS}
     outdated: list[str] = []
     for path in (DOCS.parent / "README.md", DOCS / "answers.md"):

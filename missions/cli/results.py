@@ -24,14 +24,15 @@ def results(
 ) -> None:
     """Summarise the datasets of sweeps: a line for each scenario or level, policy and setting, with 95 % intervals.
 
-    The intervals come from resampling whole missions, so they are valid for other seeds in the same yards.
+    The intervals take all missions in one yard as one cluster, so they are valid for other yards of the same kind; for
+    a single yard, they are valid for other seeds in it.
 
     Args:
         folder: Folder of the dataset, or of several, which are read as one.
         markdown: Print a Markdown table of all figures.
         csv_output: Print all figures as CSV.
         compare: Compare two policies, two values of a setting such as receiver.noise_v=1e-3, or two datasets by their
-            folders, mission by mission on the same scenario and seed.
+            folders, mission by mission on the same scenario and seed, with intervals over yards.
         figures: New or empty folder for figures: errors, sources found over time, and both over each setting.
     """
     if not folder:
@@ -59,7 +60,7 @@ def results(
     elif csv_output:
         sys.stdout.write(tables.as_csv(summaries))
     else:
-        out.print(tables.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals for other seeds"))
+        out.print(tables.terminal_table(summaries, ", ".join(map(str, folder))), tables.coverage_table(summaries))
         for _, row in rows[rows["status"] != "finished"].iterrows():
             reason = row["error"].strip().splitlines()[-1]
             name = f"{row['scenario']}, {row['policy']}, seed {row['seed']}"

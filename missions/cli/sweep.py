@@ -106,7 +106,7 @@ def sweep(
         fail(str(error))
     except OSError as error:
         fail(f"{folder}: a row could not be written ({error.strerror}); finished rows are kept")
-    out.print(terminal_table(summarise_groups(dataset.read()), f"{folder}, 95 % intervals"))
+    out.print(terminal_table(summarise_groups(dataset.read()), str(folder)))
     out.print(f"Show the results with: pdpatrol results {folder}", soft_wrap=True)
 
 

@@ -20,7 +20,7 @@ from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import FindingRecord
+from pdpatrol.missions.report.records import FindingRecord, Scores
 
 
 def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
@@ -34,7 +34,9 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     """
     report = make_report(log, 0.0)
     located = (*report.findings, *report.candidates)
-    table = pd.DataFrame([_facts(finding) for finding in located], columns=list(FINDING_COLUMNS))
+    facts = [_facts(finding, report.evaluation) for finding in located]
+    columns = FINDING_COLUMNS if report.evaluation is None else {**FINDING_COLUMNS, **SCORE_COLUMNS}
+    table = pd.DataFrame(facts, columns=list(columns))
     writers: dict[str, Callable[[Path], object]] = {
         "findings.csv": partial(table.to_csv, index=False),
         "steps.parquet": partial(_steps(log).to_parquet, index=False),
@@ -43,17 +45,21 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     }
     reference = log.meta.get("scenario", {}).get("georeference")
     if reference is not None:
-        writers["findings.geojson"] = partial(_write_geojson, located, GeoreferenceConfig.model_validate(reference))
+        writers["findings.geojson"] = partial(
+            _write_geojson, located, facts, GeoreferenceConfig.model_validate(reference)
+        )
     for name, write in writers.items():
         with atomic_file(folder / name) as temporary:
             write(temporary)
     return tuple(writers)
 
 
-def _write_geojson(findings: Sequence[FindingRecord], reference: GeoreferenceConfig, path: Path) -> None:
+def _write_geojson(
+    findings: Sequence[FindingRecord], facts: Sequence[dict[str, Any]], reference: GeoreferenceConfig, path: Path
+) -> None:
     """Write a point for each finding and the outline of its 95 % ellipse (RFC 7946)."""
     features: list[dict[str, Any]] = []
-    for finding in findings:
+    for finding, properties in zip(findings, facts, strict=True):
         position_m, covariance_m2 = np.array(finding.position_m), np.array(finding.covariance_m2)
         place = longitude_latitude(position_m, reference).tolist()
         outline_m = outline95(position_m[:2], covariance_m2[:2, :2], 37)
@@ -61,7 +67,7 @@ def _write_geojson(findings: Sequence[FindingRecord], reference: GeoreferenceCon
         point = {"type": "Point", "coordinates": [*place, round(position_m[2], 3)]}
         polygon = {"type": "Polygon", "coordinates": [[*outline[:-1], outline[0]]]}
         features += [
-            {"type": "Feature", "id": f"finding-{finding.id}", "geometry": point, "properties": _facts(finding)},
+            {"type": "Feature", "id": f"finding-{finding.id}", "geometry": point, "properties": properties},
             {"type": "Feature", "id": f"ellipse-{finding.id}", "geometry": polygon, "properties": {"id": finding.id}},
         ]
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n")
@@ -99,10 +105,31 @@ FINDING_COLUMNS = {
 """Columns of findings.csv, and the place of each value in a finding of report.json."""
 
 
-def _facts(finding: FindingRecord) -> dict[str, Any]:
-    """Return the values of `FINDING_COLUMNS`, rounded as in report.json; None for unknown ones."""
-    record = finding.model_dump(mode="json")
-    return {name: _value(record, place.split(".")) for name, place in FINDING_COLUMNS.items()}
+SCORE_COLUMNS = {
+    "true_source": "name",
+    "true_site": "true_site",
+    "true_x_m": "true_position_m.0",
+    "true_y_m": "true_position_m.1",
+    "true_z_m": "true_position_m.2",
+} | {
+    f"true_{name}": f"match.{name}"
+    for name in (
+        "error_m", "height_error_m", "mahalanobis2_2d", "mahalanobis2_3d", "log_score", "right_site", "site_log_score",
+    )
+}  # fmt: skip
+"""Further columns where the truth is known, and the place of each value in a source of `Report.evaluation`."""
+
+
+def _facts(finding: FindingRecord, scores: Scores | None) -> dict[str, Any]:
+    """Return the values of all columns, rounded as in report.json; None for unknown ones, such as of a false finding.
+
+    `SCORE_COLUMNS` are omitted if the truth is not known.
+    """
+    records = [(finding.model_dump(mode="json"), FINDING_COLUMNS)]
+    if scores is not None:
+        own = [source for source in scores.sources if source.match and source.match.finding_id == finding.id]
+        records.append((own[0].model_dump(mode="json") if own else {}, SCORE_COLUMNS))
+    return {name: _value(record, place.split(".")) for record, columns in records for name, place in columns.items()}
 
 
 def _value(part: Any, keys: Iterable[str]) -> Any:  # noqa: ANN401 - a part of JSON data

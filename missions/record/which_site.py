@@ -21,6 +21,13 @@ first-named site is right equally often from 0 to 0.1 m."""
 
 ELSEWHERE = "elsewhere"
 
+LAYER_M = 0.125
+"""Distance from a surface within which a place is on the piece of equipment. Assumed."""
+
+ON_SITE_M = 0.1
+"""Distance from a site within which a true source is on it. Sources are drawn exactly on sites, or at least 0.5 m away.
+"""
+
 
 def site_probabilities(
     yard: Yard, position_m: FloatArray, covariance_m2: FloatArray, map_accuracy_m: float
@@ -52,19 +59,37 @@ def site_probabilities(
     return {name: weight / total for name, weight in sorted(weights.items(), key=lambda entry: -entry[1])}
 
 
+def true_place(yard: Yard, known: Yard, position_m: FloatArray) -> str:
+    """Return the name that `site_probabilities` uses for a true position, shape (3,); for scores only.
+
+    A place on a piece that the map does not show is elsewhere.
+
+    Args:
+        yard: True yard.
+        known: Yard as the map shows it.
+        position_m: Position of a source, shape (3,).
+    """
+    names = yard.site_names()
+    place = min(names, key=lambda name: np.linalg.norm(yard.site_position(name) - position_m), default=ELSEWHERE)
+    if not names or np.linalg.norm(yard.site_position(place) - position_m) > ON_SITE_M:
+        distance_m = yard.solids.distance(position_m)
+        is_on_piece = distance_m.min(initial=np.inf) < LAYER_M
+        place = yard.equipment[yard.owner[distance_m.argmin()]].name if is_on_piece else ELSEWHERE
+    return place if place.partition("/")[0] in {item.name for item in known.equipment} else ELSEWHERE
+
+
 def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
     """Return the density, per cubic metre, of a normal distribution near the surface of each solid, shape (n_solids,).
 
-    The density is the probability of the layer within 0.125 m of the solid's surface, divided by the volume of the
+    The density is the probability of the layer within `LAYER_M` of the solid's surface, divided by the volume of the
     layers of all solids. The error due to the quasi-random points is below 1 % of the highest density.
     """
-    layer_m = 0.125
     points_m = qmc.MultivariateNormalQMC(mean_m, covariance_m2, rng=0).random(4096)
-    is_near = (np.abs(solids.distance(points_m)) < layer_m) & (points_m[:, 2:] > 0.0)  # above the ground
+    is_near = (np.abs(solids.distance(points_m)) < LAYER_M) & (points_m[:, 2:] > 0.0)  # above the ground
     around_m = 4.0 * solids.half_size_m.sum(axis=1) + 2.0 * np.pi * solids.radius_m
     top_m2 = 4.0 * solids.half_size_m.prod(axis=1) + np.pi * np.square(solids.radius_m)
     area_m2 = around_m * (solids.top_m - solids.bottom_m) + top_m2
-    return is_near.mean(axis=0) / (2.0 * layer_m * area_m2.sum())
+    return is_near.mean(axis=0) / (2.0 * LAYER_M * area_m2.sum())
 
 
 def percent(probability: float) -> str:

@@ -14,7 +14,7 @@ from dirmusic.pulses.phase_resolved import PhasePattern
 from pdpatrol.missions.driving.site_map import distances_along
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses, phase_patterns
-from pdpatrol.missions.record.log_contents import known_yard, map_of, true_yard
+from pdpatrol.missions.record.log_contents import known_yard, map_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.records import (
@@ -22,12 +22,11 @@ from pdpatrol.missions.report.records import (
     FindingRecord,
     PulseCounts,
     Report,
-    Scores,
     SiteInspections,
     Strength,
     Waypoints,
 )
-from pdpatrol.missions.report.scoring import evaluate
+from pdpatrol.missions.report.scoring import score_mission
 
 PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
 """Bins of the phase-resolved pattern."""
@@ -41,11 +40,11 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         wall_time_s: Computing time; the only figure that differs between two runs with the same seed.
         inspection: Result of `inspect_sites`; None to omit the section.
     """
-    step, events, found = log.table("step"), log.table("event"), _findings(log)
+    step, events, (found, places) = log.table("step"), log.table("event"), _findings(log)
     findings = tuple(finding for finding in found if finding.state == "confirmed")
     time_s, battery = step["time_s"], step["battery"][-1:]
     return Report(
-        schema=6,
+        schema=7,
         scenario=log.meta["name"],
         seed=log.meta["seed"],
         policy=log.meta["policy"],
@@ -66,7 +65,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         findings=findings,
         candidates=tuple(finding for finding in found if finding.state != "confirmed"),
         inspection=inspection,
-        evaluation=_scores(log, findings),
+        evaluation=score_mission(log, findings, places, inspection),
     )
 
 
@@ -106,20 +105,11 @@ def _waypoints(log: MissionLog) -> Waypoints:
     )
 
 
-def _scores(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Scores | None:
-    yard = true_yard(log)
-    if yard is None:
-        return None
-    sites_m = [yard.site_position(name) for name in yard.site_names()]
-    sources_m = {source["name"]: source["position_m"] for source in log.meta["truth"]["sources"]}
-    return evaluate(findings, sources_m, sites_m)
-
-
-def _findings(log: MissionLog) -> list[FindingRecord]:
-    """Return the findings at the end, sorted by id."""
+def _findings(log: MissionLog) -> tuple[list[FindingRecord], dict[int, dict[str, float]]]:
+    """Return the findings at the end, sorted by id, and the probabilities of all places of each by id."""
     table = findings_at(log, log.n_rows("step"), "confirmed", "candidate", "outside")
     yard, pulses, patterns = known_yard(log), finding_pulses(log), phase_patterns(log)
-    found: list[FindingRecord] = []
+    found, places_of = list[FindingRecord](), dict[int, dict[str, float]]()
     for row in range(table["id"].size):
         finding = {column: values[row] for column, values in table.items() if column != "step"}
         number, position_m, covariance_m2 = int(finding["id"]), finding["position_m"], finding["covariance_m2"]
@@ -127,6 +117,7 @@ def _findings(log: MissionLog) -> list[FindingRecord]:
         places: dict[str, float] = {}
         if yard and not is_outside:
             places = site_probabilities(yard, position_m, covariance_m2, map_of(log).accuracy_m)
+        places_of[number] = places
         aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
         strength = None
         if number in pulses and pulses[number].time_s.size:
@@ -143,7 +134,7 @@ def _findings(log: MissionLog) -> list[FindingRecord]:
             "confirmed_s": confirmed_s if np.isfinite(confirmed_s) else None,
         }
         found.append(FindingRecord.model_validate(finding | shown))
-    return found
+    return found, places_of
 
 
 def _strength(pulses: FindingPulses, aperture_deg: float, *, has_rate: bool) -> Strength:

@@ -10,6 +10,7 @@ import json
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer
+from scipy.stats import chi2
 
 
 def _rounded(value: float) -> float:
@@ -195,10 +196,21 @@ class SourceMatch(ReportPart):
     """Horizontal distance between finding and source, metres."""
     height_error_m: Number
     """Height of the finding above the source, metres."""
-    inside_ellipse95: bool
-    """Whether the source lies inside the 95 % ellipse of the finding."""
+    mahalanobis2_2d: Length
+    """Squared horizontal Mahalanobis distance of the source from the finding; chi-square with two degrees of freedom if
+    the stated covariance is right."""
+    mahalanobis2_3d: Length
+    """The same in three dimensions, with three degrees of freedom."""
+    log_score: Number
+    """Minus the logarithm of the stated density of the position at the source, per cubic metre; lower is better."""
     right_site: bool
-    """Whether no site is nearer to the finding than the source is."""
+    """Whether the most probable place of the finding is `true_site`."""
+    site_log_score: Length
+    """Minus the logarithm of the stated probability of `true_site`, which counts as one in a million if it is lower."""
+
+    def is_inside(self, share: float) -> tuple[bool, bool]:
+        """Return whether the source lies in the ellipse, and in the ellipsoid, that are stated to hold a share."""
+        return bool(self.mahalanobis2_2d <= chi2.ppf(share, 2)), bool(self.mahalanobis2_3d <= chi2.ppf(share, 3))
 
 
 class ScoredSource(ReportPart):
@@ -208,10 +220,15 @@ class ScoredSource(ReportPart):
     """Name in the scenario."""
     true_position_m: Point
     """x, y, z, world frame, metres."""
+    true_site: str
+    """Its place as in `Site.name`; `elsewhere` as well for a piece of equipment that the map lacks."""
     found: bool
     """Whether a finding is paired with the source."""
+    confirmed_s: Length | None
+    """Time at which a confirmed finding was first within 1 m horizontally and nearer to this source than to any other,
+    seconds from the start; null if never."""
     match: SourceMatch | None
-    """Comparison with that finding; null if the source was not found."""
+    """Comparison with the paired finding; null if the source was not found."""
 
 
 class Scores(ReportPart):
@@ -223,6 +240,16 @@ class Scores(ReportPart):
     """Confirmed findings without a source."""
     ospa_m: Length
     """OSPA distance of findings and sources, order 1, cut-off 2 m, metres."""
+    confirmations: Count
+    """Findings that were confirmed at any time of the mission."""
+    wrong_confirmations: Count
+    """Those that were shown as confirmed for more than 2 s in total while more than 1 m horizontally from every source
+    that had been active until then."""
+    wrong_s: Length
+    """Total time for which findings were shown so, seconds."""
+    false_all_clears: tuple[str, ...] | None
+    """Inspected sites with a source of the stated level or more, without a confirmed finding within 1 m of it; null
+    if the inspection is not known."""
 
     @property
     def matches(self) -> tuple[SourceMatch, ...]:
@@ -233,7 +260,7 @@ class Scores(ReportPart):
 class Report(ReportPart):
     """Findings of a mission, their uncertainty, and the inspection of the sites."""
 
-    schema_number: Literal[6] = Field(alias="schema")
+    schema_number: Literal[7] = Field(alias="schema")
     """Number of this schema."""
     scenario: str
     """Name of the scenario, or of the table of field data."""

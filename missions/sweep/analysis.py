@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +23,23 @@ CONFIDENCE = 0.95
 ALL = "all"
 """Name of the group of all missions of a suite that share policy and settings."""
 
+COVERAGE = "coverage"
+"""First word of the names of coverages in a summary."""
+
+CORRELATION = 0.1
+"""Least correlation between trials of one cluster. Assumed: sweeps of the suite show 0 to 0.2 within a yard. It matters
+where nearly all trials agree, since their correlation cannot be estimated there; 0.2 widens those intervals by a third.
+"""
+
+LEVELS = (0.5, 0.68, 0.9, 0.95, 0.99, 0.999)
+"""Stated shares of ellipses and ellipsoids whose coverage is checked."""
+
+LOW, LOW_M = " below 1.5 m", 1.5
+"""Height below which sources have a coverage of their own, because reflections from the ground affect them most."""
+
+NEAR_M = 0.3
+"""Horizontal error up to which a source counts as found near."""
+
 
 class Estimate(NamedTuple):
     """Estimate with its 95 % confidence interval; NaN where there are too few data."""
@@ -38,12 +56,12 @@ def wilson(count: float, total: float) -> Estimate:
 
 
 def clustered_share(counts: ArrayLike, totals: ArrayLike) -> Estimate:
-    """Estimate a proportion whose trials come in clusters, such as the sources of one mission.
+    """Estimate a proportion whose trials come in clusters, such as the sources in one yard.
 
-    Trials of one cluster may succeed or fail together. Wilson's formula therefore takes the effective number of
-    trials: their number divided by the design effect (variance between clusters over that of independent trials), times
-    (z / t)^2 with k - 1 degrees of freedom for k clusters (Korn and Graubard 1998). Where all trials have the same
-    result, the design effect cannot be estimated and a cluster counts as a single trial.
+    Trials of one cluster may succeed or fail together. Wilson's formula therefore takes the effective number of trials:
+    their number divided by the design effect, which is the variance between clusters over that of independent trials,
+    times (t / z)^2 with k - 1 degrees of freedom for k clusters (Korn and Graubard 1998), or that of the correlation
+    `CORRELATION` (Kish 1965) if it is larger.
 
     Args:
         counts: Successes of each cluster, shape (k,).
@@ -55,13 +73,12 @@ def clustered_share(counts: ArrayLike, totals: ArrayLike) -> Estimate:
     k, n = totals.size, totals.sum()
     if k == 0:
         return Estimate(np.nan)
-    share = counts.sum() / n
-    n_effective = float(k)
+    share, design_effect = counts.sum() / n, 1.0 + CORRELATION * (np.square(totals).sum() / n - 1.0)
     if k > 1 and 0.0 < share < 1.0 and totals.max() > 1.0:
-        between = k / (k - 1) * np.square(counts - share * totals).sum() / n**2
-        design_effect = max(between / (share * (1.0 - share) / n), 1.0)
         z, t = (law.ppf(0.5 + 0.5 * CONFIDENCE) for law in (stats.norm, stats.t(k - 1)))
-        n_effective = max(n / design_effect * (z / t) ** 2, 1.0)
+        between = k / (k - 1) * np.square(counts - share * totals).sum() / n**2
+        design_effect = max(between / (share * (1.0 - share) / n) * (t / z) ** 2, design_effect)
+    n_effective = max(n / design_effect, 1.0)
     return wilson(share * n_effective, n_effective)
 
 
@@ -118,9 +135,8 @@ Summary = dict[str, "str | int | Estimate"]
 def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
     """Summarise a dataset: groups in the order of the plan, then all levels of a suite together.
 
-    The intervals come from resampling missions: they are valid for other seeds in the same yards and, where each yard
-    has one seed, for other yards of the same kind. With `pool`, they come from resampling yards and are always valid
-    for other yards of the same kind.
+    The intervals treat the missions of one yard as a cluster, see `clusters_of`: they are valid for other yards of the
+    same kind, or, in a group with a single yard, for other seeds in it.
 
     Args:
         rows: Rows of the dataset.
@@ -131,26 +147,29 @@ def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
 
         - `unfinished`: missions that failed, hung, ran out of memory or died; no other figure includes them
         - `bearing RMSE (deg)`: over missions with a single source
-        - `found (%)`: share of all sources that were found
+        - `found (%)`, `within 0.3 m (%)`: share of all sources that were found, and found with at most that error
         - `median error (m)` and its 95 % quantile `95 % below (m)`: distances of findings from their sources
-        - `in ellipse (%)`: share of the found sources inside the 95 % ellipse of their finding
-        - `right site (%)`: share of the found sources whose finding names the right site
-        - `time to confirm (s)`: median over the found sources
+        - `log score`: mean of minus the logarithm of the density stated for the position, over the found sources
+        - `right site (%)`: share of the found sources whose finding names the right site first
+        - `site log score`: mean of minus the logarithm of the probability stated for the site
+        - `time to confirm (s)`: median time of the first right confirmation of a source
         - `path length over shortest`: median ratio of the path length until all sources were confirmed to the shortest
           one, over missions that found all sources and did not start within reach of them
         - `OSPA (m)`: mean OSPA distance between findings and sources
         - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
           not visited
+        - `confirmed live`, `wrong live (%)`, `wrong live (s)`: number of findings that were confirmed at any time,
+          share of those that were shown at a wrong place for more than 2 s, and the total time of that
+        - `certified`, `false all-clear`: sites listed as inspected, and those of them with a source that was not found
+        - `coverage 2-D 50 %` to `coverage 3-D 99.9 %`: share of the found sources in the ellipse and the ellipsoid that
+          are stated to hold this share; with `below 1.5 m`, over the sources below that height
     """
     rows = rows.assign(group="" if pool else level_or_scenario(rows))
     if rows["group"].nunique() > 1 and (rows["suite"] != "").all():
         rows = pd.concat([rows, rows.assign(group=ALL)])
     names = ["group", "policy", "settings"]
     groups = rows.groupby(names, sort=False)
-    return [
-        {**dict(zip(names, values, strict=True)), **_summarise(members, "scenario" if pool else "key")}
-        for values, members in groups
-    ]
+    return [{**dict(zip(names, values, strict=True)), **_summarise(members)} for values, members in groups]
 
 
 def level_or_scenario(rows: Frame) -> Frame:
@@ -158,15 +177,20 @@ def level_or_scenario(rows: Frame) -> Frame:
     return rows["level"].where(rows["level"] != "", rows["scenario"])
 
 
-def percentage_of(missions: Frame, by: str, count: str, total: str) -> Estimate:
-    """Estimate the sum of one column in percent of that of another, for clusters with equal values in column `by`."""
-    sums = missions.groupby(by, sort=False)[[count, total]].sum()
+def clusters_of(missions: Frame) -> str:
+    """Return the column that names the cluster of each mission: its yard, or itself if there is only one yard."""
+    return "scenario" if missions["scenario"].nunique() > 1 else "key"
+
+
+def percentage_of(missions: Frame, count: str, total: str) -> Estimate:
+    """Estimate the sum of one column in percent of that of another, as `clustered_share` does."""
+    sums = missions.groupby(clusters_of(missions), sort=False)[[count, total]].sum()
     return Estimate(*(100.0 * end for end in clustered_share(sums[count], sums[total])))
 
 
-def statistic_of(missions: Frame, by: str, column: str, statistic: Callable[..., Any]) -> Estimate:
+def statistic_of(missions: Frame, column: str, statistic: Callable[..., Any]) -> Estimate:
     """Estimate a statistic of a column of numbers or lists of numbers, as `cluster_bootstrap` does."""
-    clusters = _numbers(missions.set_index(by), column).groupby(level=0, sort=False)
+    clusters = _numbers(missions.set_index(clusters_of(missions)), column).groupby(level=0, sort=False)
     return cluster_bootstrap([values.to_numpy() for _, values in clusters], statistic)
 
 
@@ -175,28 +199,53 @@ def _numbers(missions: Frame, column: str) -> Frame:
     return missions[column].explode().astype(np.float64)
 
 
-def _summarise(missions: Frame, by: str) -> Summary:
+def _summarise(missions: Frame) -> Summary:
     finished = missions[missions["status"] == "finished"]
     finished = finished.assign(
         path_ratio=finished["found_all_m"] / finished["shortest_m"],
         bearing_rmse_deg=np.degrees(finished["bearing_rmse_rad"].astype(np.float64)),
+        n_near=_n_near(finished),
     )
+    counts = {
+        "false": "false_findings", "contacts": "contacts", "missed": "waypoints_missed",
+        "confirmed live": "n_confirmations", "wrong live (s)": "wrong_s", "certified": "n_certified",
+        "false all-clear": "n_false_all_clear",
+    }  # fmt: skip
     return {
         "missions": len(missions),
         "unfinished": len(missions) - len(finished),
-        "bearing RMSE (deg)": statistic_of(finished, by, "bearing_rmse_deg", root_mean_square),
-        "found (%)": percentage_of(finished, by, "n_found", "n_sources"),
-        "median error (m)": statistic_of(finished, by, "errors_m", np.nanmedian),
+        "bearing RMSE (deg)": statistic_of(finished, "bearing_rmse_deg", root_mean_square),
+        "found (%)": percentage_of(finished, "n_found", "n_sources"),
+        "within 0.3 m (%)": percentage_of(finished, "n_near", "n_sources"),
+        "median error (m)": statistic_of(finished, "errors_m", np.nanmedian),
         "95 % below (m)": Estimate(float(_numbers(finished, "errors_m").quantile(0.95))),
-        "in ellipse (%)": percentage_of(finished, by, "n_in_ellipse", "n_found"),
-        "right site (%)": percentage_of(finished, by, "n_right_site", "n_found"),
-        "time to confirm (s)": statistic_of(finished, by, "confirmed_s", np.nanmedian),
-        "path length over shortest": statistic_of(finished, by, "path_ratio", np.nanmedian),
-        "OSPA (m)": statistic_of(finished, by, "ospa_m", np.nanmean),
-        "false": int(finished["false_findings"].sum()),
-        "contacts": int(finished["contacts"].sum()),
-        "missed": int(finished["waypoints_missed"].sum()),
+        "log score": statistic_of(finished, "log_scores", np.nanmean),
+        "right site (%)": percentage_of(finished, "n_right_site", "n_found"),
+        "site log score": statistic_of(finished, "site_log_scores", np.nanmean),
+        "time to confirm (s)": statistic_of(finished, "confirmed_s", np.nanmedian),
+        "path length over shortest": statistic_of(finished, "path_ratio", np.nanmedian),
+        "OSPA (m)": statistic_of(finished, "ospa_m", np.nanmean),
+        "wrong live (%)": percentage_of(finished, "n_wrong_confirmations", "n_confirmations"),
+        **{name: round(finished[column].sum()) for name, column in counts.items()},
+        **_coverages(finished),
     }
+
+
+def _n_near(missions: Frame) -> Frame:
+    """Return the number of sources of each mission that were found within `NEAR_M`."""
+    return missions["errors_m"].map(lambda errors_m: int((np.asarray(errors_m) <= NEAR_M).sum()))
+
+
+def _coverages(missions: Frame) -> dict[str, Estimate]:
+    """Return the coverage of each stated share in percent, in 2-D and 3-D, over all sources and over the low ones."""
+    lists = ["true_heights_m", "mahalanobis2_2d", "mahalanobis2_3d"]
+    sources = missions[["scenario", "key", *lists]].explode(lists).dropna()
+    coverages: dict[str, Estimate] = {}
+    for of, members in (("", sources), (LOW, sources[sources["true_heights_m"] < LOW_M])):
+        for n, share in product((2, 3), LEVELS):
+            inside = members.assign(inside=members[f"mahalanobis2_{n}d"] <= stats.chi2.ppf(share, n), one=1)
+            coverages[f"{COVERAGE} {n}-D {100 * share:g} %{of}"] = percentage_of(inside, "inside", "one")
+    return coverages
 
 
 def pair_up(rows: Frame, first: str, second: str) -> tuple[Frame, Frame]:
@@ -245,8 +294,8 @@ class Difference(NamedTuple):
 
     Attributes:
         name: Name of the measure, with its unit.
-        n: Number of pairs of a scenario and a seed. Missions that share both have the same sources and emissions, so
-            their differences are averaged first.
+        n: Number of yards; of seeds, if there is only one yard. Their missions have the same sources and emissions on
+            both sides, and are averaged first.
         first: Mean of the first side.
         second: Mean of the second side.
         change: Mean of second minus first, with its bootstrap interval.
@@ -261,38 +310,63 @@ class Difference(NamedTuple):
     p: float
 
 
-def compare(first: Frame, second: Frame) -> list[Difference]:
-    """Compare all measures that at least one pair of missions has; `pair_up` returns the missions."""
+def compare(first: Frame, second: Frame) -> dict[str, list[Difference]]:
+    """Compare all measures that at least one pair of missions has; `pair_up` returns the missions.
+
+    Returns:
+        Comparison for each level, if there are several of the suite, and last for all missions, `ALL`.
+    """
     sides = [_measures(missions) for missions in (first, second)]
+    level = first["level"].to_numpy()
+    names = pd.unique(level)
+    groups = {name: level == name for name in names if name and len(names) > 1} | {ALL: level == level}
+    return {group: _compare(*(side[own] for side in sides)) for group, own in groups.items()}
+
+
+def _compare(first: Frame, second: Frame) -> list[Difference]:
+    by = [0] if first.index.get_level_values(0).nunique() > 1 else [0, 1]
     differences: list[Difference] = []
-    for name in sides[0]:
-        values = np.column_stack([missions[name] for missions in sides])
-        pairs: Frame = pd.DataFrame(values, first.index).dropna().groupby(level=[0, 1], sort=False).mean()
+    for name in first:
+        values = np.column_stack([first[name], second[name]])
+        pairs: Frame = pd.DataFrame(values, first.index).dropna().groupby(level=by, sort=False).mean()
         if len(pairs):
             differences.append(difference(name, pairs.to_numpy()))
     return differences
 
 
 def _measures(missions: Frame) -> Frame:
-    """Return the measures of a paired comparison for each mission; NaN where it has none."""
-    missions = missions.reset_index(drop=True)
-    error_m, confirmed_s = (_numbers(missions, name).groupby(level=0).mean() for name in ("errors_m", "confirmed_s"))
-    return pd.DataFrame(
-        {
-            "found (%)": 100.0 * missions["n_found"] / missions["n_sources"],
-            "in ellipse (%)": 100.0 * missions["n_in_ellipse"] / missions["n_found"],
-            "right site (%)": 100.0 * missions["n_right_site"] / missions["n_found"],
-            "OSPA (m)": missions["ospa_m"],
-            "error (m)": error_m,
-            "time to confirm (s)": confirmed_s,
-            "false findings": missions["false_findings"],
-            "distance (m)": missions["distance_m"],
-        }
-    )
+    """Return the measures of a paired comparison for each mission, with its index; NaN where it has none."""
+    index, missions = missions.index, missions.reset_index(drop=True)
+
+    def mean(numbers: Frame) -> Frame:
+        return numbers.groupby(level=0).mean()
+
+    distance2 = {n: _numbers(missions, f"mahalanobis2_{n}d") for n in (2, 3)}
+    columns = {
+        "found (%)": 100.0 * missions["n_found"] / missions["n_sources"],
+        "within 0.3 m (%)": 100.0 * _n_near(missions) / missions["n_sources"],
+        "error (m)": mean(_numbers(missions, "errors_m")),
+        **{
+            f"{COVERAGE} {n}-D 95 %": 100.0 * mean((d2 <= stats.chi2.ppf(0.95, n)).astype(float).where(d2.notna()))
+            for n, d2 in distance2.items()
+        },
+        "log score": mean(_numbers(missions, "log_scores")),
+        "right site (%)": 100.0 * missions["n_right_site"] / missions["n_found"],
+        "site log score": mean(_numbers(missions, "site_log_scores")),
+        "time to confirm (s)": mean(_numbers(missions, "confirmed_s")),
+        "OSPA (m)": missions["ospa_m"],
+        "false": missions["false_findings"],
+        "wrong live": missions["n_wrong_confirmations"],
+        "wrong live (s)": missions["wrong_s"],
+        "certified": missions["n_certified"],
+        "false all-clear": missions["n_false_all_clear"],
+        "distance (m)": missions["distance_m"],
+    }
+    return pd.DataFrame(columns).set_index(index)
 
 
 def difference(name: str, values: FloatArray) -> Difference:
-    """Compare one measure; values of both sides have shape (n, 2), one row for each scenario and seed."""
+    """Compare one measure; values of both sides have shape (n, 2), one row for each yard or seed."""
     change = values[:, 1] - values[:, 0]
     p, interval = 1.0, Estimate(0.0, 0.0, 0.0)
     if change.any():

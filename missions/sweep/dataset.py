@@ -21,10 +21,13 @@ from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.driving.site_map import SiteMap, distances_along
 from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit, digest_of_code
 
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
+FORMAT = 2
+"""Version of the columns. Datasets of other versions are refused, because their scores have other meanings."""
 
 Frame = Any
 """A `pandas.DataFrame`, which has no type annotations."""
@@ -47,19 +50,29 @@ class MissionRow(NamedTuple):
             `died` if its process ended repeatedly. All numbers below are null or 0 unless the mission finished.
         error: Traceback or reason; empty if finished.
         n_sources: Number of sources in the yard.
-        n_found: Number of sources with a confirmed finding within the cut-off of `pdpatrol.missions.report.scoring`.
+        n_found: Number of sources that are paired with a finding, see `pdpatrol.missions.report.records.Scores` for
+            this and all other scores.
         false_findings: Number of confirmed findings without a source.
         errors_m: Horizontal distances between found sources and their findings.
         height_errors_m: Heights of these findings relative to their sources, positive above.
-        confirmed_s: Times at which these findings were confirmed.
-        n_in_ellipse: Number of sources inside the 95 % ellipse of their finding.
-        n_right_site: Number of found sources with the correct site, see `pdpatrol.missions.report.scoring`.
-        ospa_m: OSPA distance between findings and sources, see `pdpatrol.missions.report.scoring`.
+        true_heights_m: Heights of the found sources.
+        mahalanobis2_2d: Squared Mahalanobis distances of the found sources from their findings, horizontally.
+        mahalanobis2_3d: The same in three dimensions.
+        log_scores: Minus the logarithms of the stated densities at the found sources.
+        site_log_scores: Minus the logarithms of the stated probabilities of the sites of the found sources.
+        n_right_site: Number of found sources whose finding names the right site first.
+        confirmed_s: Time of the first right confirmation of each source that ever had one, found at the end or not.
+        ospa_m: OSPA distance between findings and sources.
+        n_confirmations: Number of findings that were confirmed at any time.
+        n_wrong_confirmations: Number of those that were shown at a wrong place for more than 2 s.
+        wrong_s: Total time for which findings were shown so.
+        n_certified: Number of sites that the report lists as inspected; 0 without a map of sites.
+        n_false_all_clear: Number of those with a source of the stated level that was not found.
         bearing_rmse_rad: Root mean square error of the bearings in line of sight of exactly one source; null without
             such bearings.
         distance_m: Path length.
-        found_all_m: Path length until the last source was confirmed; null without sources, or if a source was not
-            confirmed.
+        found_all_m: Path length until the first right confirmation of the last source; null without sources, or if a
+            source had none or was not found at the end.
         shortest_m: Length of the shortest path from the dock to within the scenario's `standoff_m` of every source;
             null without sources, or if a source cannot be approached.
         sim_time_s: Simulated time.
@@ -85,10 +98,19 @@ class MissionRow(NamedTuple):
     false_findings: int = 0
     errors_m: tuple[float, ...] = ()
     height_errors_m: tuple[float, ...] = ()
-    confirmed_s: tuple[float, ...] = ()
-    n_in_ellipse: int = 0
+    true_heights_m: tuple[float, ...] = ()
+    mahalanobis2_2d: tuple[float, ...] = ()
+    mahalanobis2_3d: tuple[float, ...] = ()
+    log_scores: tuple[float, ...] = ()
+    site_log_scores: tuple[float, ...] = ()
     n_right_site: int = 0
+    confirmed_s: tuple[float, ...] = ()
     ospa_m: float | None = None
+    n_confirmations: int = 0
+    n_wrong_confirmations: int = 0
+    wrong_s: float | None = None
+    n_certified: int = 0
+    n_false_all_clear: int = 0
     bearing_rmse_rad: float | None = None
     distance_m: float | None = None
     found_all_m: float | None = None
@@ -109,13 +131,12 @@ class MissionRow(NamedTuple):
     @classmethod
     def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
         """Make the row of a finished mission."""
-        report = make_report(log, wall_time_s)
+        report = make_report(log, wall_time_s, inspect_sites(log))
         scores, step = report.scores, log.table("step")
         sources, matches = scores.sources, scores.matches
-        time_of = {finding.id: finding.confirmed_s for finding in report.findings}
-        confirmed_s = tuple(time_s for match in matches if (time_s := time_of[match.finding_id]) is not None)
+        confirmed_s = tuple(source.confirmed_s for source in sources if source.confirmed_s is not None)
         driven_m, found_all_m = distances_along(step["true_pose"]), None
-        if sources and len(matches) == len(sources):
+        if sources and len(matches) == len(confirmed_s) == len(sources):
             found_all_m = float(np.interp(max(confirmed_s), step["time_s"], driven_m))
         sources_m = [np.array(source.true_position_m[:2]) for source in sources]
         shortest_m = SiteMap(job.scenario, job.scenario.yard).shortest_tour(sources_m, job.scenario.task.standoff_m)
@@ -126,10 +147,19 @@ class MissionRow(NamedTuple):
             false_findings=scores.false_findings,
             errors_m=tuple(match.error_m for match in matches),
             height_errors_m=tuple(match.height_error_m for match in matches),
-            confirmed_s=confirmed_s,
-            n_in_ellipse=sum(match.inside_ellipse95 for match in matches),
+            true_heights_m=tuple(source.true_position_m[2] for source in sources if source.found),
+            mahalanobis2_2d=tuple(match.mahalanobis2_2d for match in matches),
+            mahalanobis2_3d=tuple(match.mahalanobis2_3d for match in matches),
+            log_scores=tuple(match.log_score for match in matches),
+            site_log_scores=tuple(match.site_log_score for match in matches),
             n_right_site=sum(match.right_site for match in matches),
+            confirmed_s=confirmed_s,
             ospa_m=scores.ospa_m,
+            n_confirmations=scores.confirmations,
+            n_wrong_confirmations=scores.wrong_confirmations,
+            wrong_s=scores.wrong_s,
+            n_certified=len(report.inspection.names("inspected")) if report.inspection else 0,
+            n_false_all_clear=len(scores.false_all_clears or ()),
             bearing_rmse_rad=bearing_rmse_rad if np.isfinite(bearing_rmse_rad) else None,
             distance_m=float(driven_m[-1]),
             found_all_m=found_all_m,
@@ -151,7 +181,7 @@ class Manifest(BaseModel):
     """Contents of `sweep.json`.
 
     Attributes:
-        version: Version of the format.
+        version: `FORMAT`.
         command: Words of the command line.
         plan: Digest of all missions.
         code: Digest of the code of this project.
@@ -163,7 +193,7 @@ class Manifest(BaseModel):
 
     model_config = ConfigDict(strict=True, frozen=True)
 
-    version: Literal[1] = 1
+    version: Literal[2] = FORMAT
     command: list[str] = []
     plan: str
     code: str
@@ -184,7 +214,7 @@ class Dataset:
         manifest: Command, digests of missions and code, and versions.
 
     Raises:
-        InputFileError: If the folder does not hold a dataset.
+        InputFileError: If the folder does not hold a dataset of this format.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -193,6 +223,9 @@ class Dataset:
             self.manifest = Manifest.model_validate_json((folder / MANIFEST).read_bytes())
         except ValidationError as error:
             first = error.errors()[0]
+            if first["loc"] == ("version",):
+                text = f"must be of format {FORMAT}, got {first['input']!r}, whose scores differ; run its sweep again"
+                raise InputFileError([f"{folder}: {text}"]) from None
             key = "".join(f"{part}: " for part in first["loc"])
             raise InputFileError([f"{folder / MANIFEST}: {key}{first['msg']}"]) from None
         except OSError:

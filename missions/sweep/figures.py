@@ -99,16 +99,15 @@ def _draw_steps(missions: Frame, column: str, x: str, y: str, end: float | None 
 def draw_over_setting(missions: Frame, key: str) -> Figure:
     """Draw share found, error and time over the values of a setting in their order in the sweep, with 95 % intervals.
 
-    The intervals resample scenarios, or missions if there is only one scenario.
+    The intervals resample yards, or missions if there is only one yard.
     """
     place, labels = pd.factorize(missions["settings"].map(lambda text: label_of(json.loads(text).get(key))))
     missions = missions.assign(place=place)
-    by = "scenario" if missions["scenario"].nunique() > 1 else "key"
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     panels = {
-        "sources found (%)": lambda members: percentage_of(members, by, "n_found", "n_sources"),
-        "median error (m)": lambda members: statistic_of(members, by, "errors_m", np.nanmedian),
-        "median time to confirm (s)": lambda members: statistic_of(members, by, "confirmed_s", np.nanmedian),
+        "sources found (%)": lambda members: percentage_of(members, "n_found", "n_sources"),
+        "median error (m)": lambda members: statistic_of(members, "errors_m", np.nanmedian),
+        "median time to confirm (s)": lambda members: statistic_of(members, "confirmed_s", np.nanmedian),
     }
     for axes, (title, estimate) in zip(figure.subplots(1, 3), panels.items(), strict=True):
         for line, members in _with_lines(missions, key).groupby("line", sort=False):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,20 +12,25 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from pdpatrol.missions.sweep.analysis import Difference, Estimate, Summary
+from pdpatrol.missions.sweep.analysis import COVERAGE, LEVELS, LOW, Difference, Estimate, Summary
 
 DIGITS = {
     "bearing RMSE (deg)": 2,
     "found (%)": 0,
+    "within 0.3 m (%)": 0,
     "median error (m)": 3,
     "95 % below (m)": 3,
-    "in ellipse (%)": 0,
+    "log score": 2,
     "right site (%)": 0,
+    "site log score": 3,
     "time to confirm (s)": 0,
     "path length over shortest": 1,
     "OSPA (m)": 2,
 }
-"""Decimals of the estimates in a table."""
+"""Decimals of the estimates in a table; 0 for coverages."""
+
+COVERED = ("2-D", "3-D", f"2-D{LOW}", f"3-D{LOW}")
+"""Lines of the table of coverages."""
 
 
 def cells(summary: Summary) -> dict[str, str]:
@@ -39,7 +44,7 @@ def cells(summary: Summary) -> dict[str, str]:
         "missions": str(n_missions) if n_finished == n_missions else f"{n_finished} of {n_missions}",
     }
     for heading, value in list(summary.items())[5:]:
-        texts[heading] = with_interval(value, DIGITS[heading]) if isinstance(value, Estimate) else str(value)
+        texts[heading] = with_interval(value, DIGITS.get(heading, 0)) if isinstance(value, Estimate) else str(value)
     return texts
 
 
@@ -55,12 +60,17 @@ def with_interval(estimate: Estimate, digits: int) -> str:
     return value if np.isnan(estimate.low) else f"{value} ({low} to {high})"
 
 
-def terminal_table(summaries: Sequence[Summary], title: str) -> Table:
+def terminal_table(summaries: Sequence[Summary], name: str) -> Table:
     """Make a table of the main figures for a terminal of 80 columns, with a section for each scenario or level."""
+    title = f"{name}, 95 % intervals over yards, or over seeds of a single yard"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
-    table.add_column("", width=20, overflow="fold")
-    columns = ("missions", "found (%)", "median error (m)", "time to confirm (s)", "false", "contacts")
-    for heading in ("n", "found\n(%)", "median error\n(m)", "time to\nconfirm (s)", "false", "contacts"):
+    table.add_column("", width=17, overflow="fold")
+    columns = {
+        "missions": "n", "found (%)": "found\n(%)", "within 0.3 m (%)": "within\n0.3 m (%)",
+        "median error (m)": "median\nerror (m)", "time to confirm (s)": "time to\nconfirm\n(s)", "false": "false",
+        "wrong live (%)": "wrong\nlive\n(%)", "false all-clear": "false\nclear",
+    }  # fmt: skip
+    for heading in columns.values():
         table.add_column(heading, justify="right")
     group: object = None
     for summary in summaries:
@@ -69,23 +79,61 @@ def terminal_table(summaries: Sequence[Summary], title: str) -> Table:
             table.add_section()
             table.add_row(Text(str(group), style="bold"))
         texts = cells(summary)
-        name = "\n".join([texts["policy"], *_settings(summary)])
-        short = [texts[column].replace(" to ", "-").replace(" (", "\n(") for column in columns]
-        table.add_row(Text(name), short[0].replace(" of", "\nof"), *short[1:])
+        short = [_broken(texts[column]) for column in columns]
+        table.add_row(Text(_name(summary)), short[0].replace(" of", "\nof"), *short[1:])
     return table
 
 
-def differences_table(differences: Sequence[Difference], first: str, second: str) -> Table:
-    """Make a table of a paired comparison: means, mean change with its interval, and p-value."""
-    title = f"A: {first}, B: {second}; paired by scenario and seed, change from A to B with its 95 % interval"
+def _name(summary: Summary) -> str:
+    return "\n".join([str(summary["policy"]), *_settings(summary)])
+
+
+def _broken(text: str) -> str:
+    """Put the interval of an estimate on a line of its own."""
+    return text.replace(" to ", "-").replace(" (", "\n").removesuffix(")")
+
+
+def coverage_table(summaries: Sequence[Summary]) -> Table:
+    """Make a table of calibration for a terminal: stated against observed coverage of ellipses and ellipsoids."""
+    title = "\nFound sources inside the stated ellipse (2-D) or ellipsoid (3-D), in percent"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
+    table.add_column("stated", width=20, overflow="fold")
+    for share in LEVELS:
+        table.add_column(f"{100 * share:g}", justify="right", min_width=8)
+    for summary in summaries:
+        texts = cells(summary)
+        if texts[f"{COVERAGE} 2-D 95 %"] == "-":
+            continue
+        table.add_section()
+        table.add_row(Text(f"{summary['group']}, {_name(summary)}", style="bold"))
+        for line in coverage_lines(texts):
+            table.add_row(line[0], *map(_broken, line[1:]))
+    return table
+
+
+def coverage_lines(texts: Mapping[str, str]) -> list[list[str]]:
+    """Return the lines of a table of coverages from the cells of a summary: the name, then each stated share."""
+    lines: list[list[str]] = []
+    for name in COVERED:
+        shares = [texts[f"{COVERAGE} {name[:3]} {100 * share:g} %{name[3:]}"] for share in LEVELS]
+        lines.append([name, *shares])
+    return lines
+
+
+def differences_table(differences: Mapping[str, Sequence[Difference]], first: str, second: str) -> Table:
+    """Make a table of a paired comparison by group: means, mean change with its interval, and p-value."""
+    title = f"A: {first}, B: {second}; paired by scenario and seed, means over yards, change with its 95 % interval"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("")
     for heading in ("n", "A", "B", "change", "p"):
         table.add_column(heading, justify="right")
-    for each in differences:
-        value, low, high = each.change
-        change = f"{value:+.3g}" if np.isnan(low) or not value else f"{value:+.3g} ({low:+.3g} to {high:+.3g})"
-        table.add_row(each.name, str(each.n), f"{each.first:.3g}", f"{each.second:.3g}", change, f"{each.p:.2g}")
+    for group, measures in differences.items():
+        table.add_section()
+        table.add_row(Text(group, style="bold"))
+        for each in measures:
+            value, low, high = each.change
+            change = f"{value:+.3g}" if np.isnan(low) or not value else f"{value:+.3g} ({low:+.3g} to {high:+.3g})"
+            table.add_row(each.name, str(each.n), f"{each.first:.3g}", f"{each.second:.3g}", change, f"{each.p:.2g}")
     return table
 
 
@@ -95,9 +143,15 @@ def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 def markdown_table(summaries: Sequence[Summary]) -> str:
-    """Make a Markdown table of all figures."""
+    """Make a Markdown table of all figures but coverages, and one of these."""
+    if not summaries:
+        return ""
     texts = [cells(summary) for summary in summaries]
-    return markdown(list(texts[0]), [list(each.values()) for each in texts]) if texts else ""
+    headings = [heading for heading in texts[0] if not heading.startswith(COVERAGE)]
+    figures = markdown(headings, [[each[heading] for heading in headings] for each in texts])
+    names = headings[:3]
+    covered = [[*(each[name] for name in names), *line] for each in texts for line in coverage_lines(each)]
+    return f"{figures}\n{markdown([*names, COVERAGE, *(f'{100 * share:g} %' for share in LEVELS)], covered)}"
 
 
 def as_csv(summaries: Sequence[Summary]) -> str:

@@ -165,7 +165,7 @@ def test_one_source_is_found_in_twenty_missions(first: int) -> None:
     errors = [match.error_m for match in matches]
     assert np.median(errors) <= 0.30
     assert max(errors) <= 1.0
-    assert sum(match.inside_ellipse95 for match in matches) >= 15
+    assert sum(match.is_inside(0.95)[0] for match in matches) >= 15
     assert sum(report.collisions for report in reports) == 0
     positions = np.array([source.true_position_m[:2] for source in sources])
     assert np.linalg.norm(positions[:, np.newaxis] - positions, axis=-1).max() > 8.0

@@ -13,7 +13,7 @@ from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import STEP_S
-from pdpatrol.missions.report.scoring import evaluate
+from pdpatrol.missions.report.scoring import pair_findings
 from tests.benchmarks.free_field.cases import FENCE_M, Case
 from tests.dirmusic.scenes import sights
 
@@ -71,8 +71,8 @@ def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:
 
 def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
     """Compute the OSPA distance between confirmed findings and sources, with a cut-off of 2 m."""
-    sources = {str(number): place_m for number, place_m in enumerate(case.sources_m)}
-    return evaluate(confirmed(findings), sources).ospa_m
+    found_m = np.array([finding.position_m for finding in confirmed(findings)]).reshape(-1, 3)
+    return pair_findings(found_m, case.sources_m)[1]
 
 
 def position_bound(case: Case) -> FloatArray:

@@ -62,7 +62,7 @@ def test_planned_routes_find_sources_of_random_yards(policy: str, n_cases: int) 
     assert share("found", int((miss_m < 1.0).sum()), n_cases).high >= 0.985
     assert share("found above 3 m", sum(source.found for source in high), len(high)).high >= 0.97
     assert share("right site", sum(match.right_site for match in found), len(found)).high >= 0.95
-    inside = share("in ellipse, low ones", sum(match.inside_ellipse95 for match in low), len(low))
+    inside = share("in ellipse, low ones", sum(match.is_inside(0.95)[0] for match in low), len(low))
     assert inside.high >= 0.92
     assert inside.low <= 0.98
     assert share("false findings", sum(report.scores.false_findings > 0 for report in done), n_cases).low <= 0.01

@@ -82,7 +82,7 @@ def test_calibration_of_another_array_is_detected(first: MissionLog) -> None:
     assert "contradict" in message
     assert calibration_of(log).n_missions == 1
     (match,) = make_report(log, 0.0).scores.matches
-    assert match.inside_ellipse95
+    assert match.is_inside(0.95)[0]
 
 
 def located_s(log: MissionLog) -> float:

@@ -95,7 +95,7 @@ def test_report_uses_map_and_scores_use_yard(log: MissionLog) -> None:
     (finding,) = make_report(log, 0.0).findings
     piece = finding.sites[0].name.partition("/")[0]
     assert finding.sites[0].probability > 0.5
-    right = make_report(log, 0.0).evaluation, bearing_rmse(log, RIGHT)
+    right = make_report(log, 0.0).scores.matches[0].error_m, bearing_rmse(log, RIGHT)
     x, y, _ = finding.position_m
     for wrong, is_named in (
         ({"missing": (piece,)}, False),
@@ -108,7 +108,9 @@ def test_report_uses_map_and_scores_use_yard(log: MissionLog) -> None:
         report = make_report(on_map, 0.0)
         best = report.findings[0].sites[0].name
         assert (best == finding.sites[0].name) == is_named
-        assert (report.evaluation, bearing_rmse(on_map, scenario)) == right
+        (match,) = report.scores.matches
+        assert match.right_site == (best == report.scores.sources[0].true_site)
+        assert (match.error_m, bearing_rmse(on_map, scenario)) == right
 
 
 def test_log_describes_equipment_only_on_the_map() -> None:

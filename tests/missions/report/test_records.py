@@ -40,7 +40,7 @@ def test_report_is_valid_and_reads_back(name: str, validator: jsonschema.Draft20
 def test_schema_and_reader_refuse_broken_reports(validator: jsonschema.Draft202012Validator) -> None:
     report = json.loads(report_text(make_report(two_findings(), 1.5)))
     finding = report["findings"][0]
-    for change in ({"schema": 5}, {"verdict": "safe"}, {"findings": [finding | {"position_m": [1.0, 2.0]}]}):
+    for change in ({"schema": 6}, {"verdict": "safe"}, {"findings": [finding | {"position_m": [1.0, 2.0]}]}):
         broken = report | change
         assert not validator.is_valid(broken)
         with pytest.raises(ValueError, match="validation error"):

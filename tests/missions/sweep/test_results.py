@@ -20,7 +20,7 @@ from pdpatrol.missions.sweep.figures import (
     missions_with_sources,
 )
 from pdpatrol.missions.sweep.plan import make_plan
-from pdpatrol.missions.sweep.tables import as_csv, cells, terminal_table
+from pdpatrol.missions.sweep.tables import as_csv, cells, coverage_table, terminal_table
 
 NOISE_V = [5e-4, 1e-3, 2e-3]
 
@@ -66,20 +66,20 @@ def test_all_figures_are_written(dataset: Dataset, tmp_path: Path) -> None:
 
 
 def test_terminal_table_breaks_no_word_at_80_columns(dataset: Dataset) -> None:
-    wide = {"median error (m)": Estimate(0.056, 0.046, 0.107), "missions": 100, "unfinished": 1, "contacts": 1000}
+    wide = {"median error (m)": Estimate(0.056, 0.046, 0.107), "missions": 100, "unfinished": 1, "false": 1000}
     summary = summarise_groups(dataset.read())[0] | wide
     words = [file.stem for file in SHIPPED.glob("*.toml")]
     summaries = [summary | {"group": name} for name in words]
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(terminal_table(summaries, "runs/some"))
+    console.print(terminal_table(summaries, "runs/some"), coverage_table(summaries))
     shown = console.export_text()
-    for word in (*words, "contacts", "confirm (s)", "(0.046-0.107)", "1000", "of 100"):
+    for word in (*words, "clear", "confirm", "0.046-0.107", "1000", "of 100"):
         assert re.search(rf"(?<!\S){re.escape(word)}(?!\S)", shown), word
 
 
 def test_markdown_and_csv_hold_all_figures(dataset: Dataset) -> None:
     summaries = summarise_groups(dataset.read())
-    assert set(cells(summaries[0])) >= {"found (%)", "path length over shortest", "OSPA (m)", "missed"}
+    assert set(cells(summaries[0])) >= {"found (%)", "OSPA (m)", "false all-clear", "coverage 3-D 99.9 % below 1.5 m"}
     read = list(csv.DictReader(io.StringIO(as_csv(summaries))))
     assert [row["policy"] for row in read] == [summary["policy"] for summary in summaries]
     assert float(read[0]["found (%)"]) == pytest.approx(80.0)

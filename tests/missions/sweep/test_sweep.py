@@ -168,6 +168,9 @@ def test_dataset_of_another_plan_or_version_is_refused(folder: Path, refused: Re
     (line,) = refused("sweep", "short.toml", "--seeds", "0", "--out", "out", cwd=folder)
     assert "out was begun by another version of the code" in line
     assert_frame_equal(rows(folder / "out"), before)
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"version": 1}))
+    (line,) = refused("results", "out", cwd=folder)
+    assert line == "out: must be of format 2, got 1, whose scores differ; run its sweep again"
     (line,) = refused("results", "own.py", cwd=folder)
     assert "own.py: must be the folder of a sweep" in line
 
