@@ -143,7 +143,7 @@ def test_all_clear_is_false_if_a_stated_source_was_not_found() -> None:
     assert scored(log_of(SITE_M), (OTHER,)).false_all_clears == ()
     assert scored(log_of(SITE_M), (SITE,), level_db=-13.0).false_all_clears == ()  # 0.2 V are -14 dBV
     assert scored(log_of(SITE_M, active_s=(20.0, 30.0)), (SITE,)).false_all_clears == ()
-    assert scored(log_of(SITE_M, drift_db_per_min=-60.0), (SITE,), -13.9).false_all_clears == ()
+    assert scored(log_of(SITE_M, drift_db_per_min=60.0), (SITE,), level_db=-10.0).false_all_clears == (SITE,)
     for offset_m, expected in ((0.9, ()), (1.1, (SITE,))):
         log = shown(log_of(SITE_M), (50, "confirmed", SITE_M + np.array([offset_m, 0.0, 0.0])))
         assert scored(log, (SITE, OTHER)).false_all_clears == expected

@@ -32,7 +32,9 @@ def coverage(estimates: list[Estimate], truth: float) -> float:
     return float(np.mean([each.low <= truth <= each.high for each in estimates]))
 
 
-@pytest.mark.parametrize(("n_yards", "share", "correlation"), [(9, 0.9, 0.2), (9, 0.99, 0.1), (100, 0.95, 0.2)])
+@pytest.mark.parametrize(
+    ("n_yards", "share", "correlation"), [(6, 0.6, 0.3), (9, 0.9, 0.2), (9, 0.99, 0.1), (100, 0.95, 0.2)]
+)
 def test_share_interval_covers_truth_for_correlated_sources(n_yards: int, share: float, correlation: float) -> None:
     """Sources of one yard succeed together (beta-binomial): Wilson's interval of independent trials is too short."""
     rng, clustered, pooled = np.random.default_rng(1), list[Estimate](), list[Estimate]()
