@@ -12,6 +12,7 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.scenario import Scenario, position_error
 from pdpatrol.envs.scenario.sources import InterfererConfig, SourceConfig
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
+from pdpatrol.sensing.nature.sources import SourceChange, Telegraph
 from pdpatrol.sensing.receiver.bank import Listener
 
 DRAWN_OF_ARRAY = ("boresights_rad", "boresight_elevations_rad", "gain_factors", "gain_offsets", "positions_m")
@@ -118,16 +119,7 @@ class Episode(NamedTuple):
         """Draw an episode; values set by the options replace drawn values."""
         rng = generators.episode
         sources = _draw_sources(scenario, generators, options.sources_m)
-        interferers = [
-            DischargeSource(
-                **_draw_emitter(item, generators),
-                position_m=np.array(item.position_m),
-                burst_s=item.burst_s,
-                moves_to_m=None if item.moves_to_m is None else np.array(item.moves_to_m),
-                speed_mps=item.speed_mps or 0.0,
-            )
-            for item in scenario.interferers
-        ]
+        interferers = _draw_interferers(scenario, generators)
         carriers = [
             Carrier(frequency_hz=item.frequency_hz, amplitude_v=item.amplitude_v, bearing_rad=radians(item.bearing_deg))
             for item in scenario.carriers
@@ -161,24 +153,61 @@ class Episode(NamedTuple):
 def _draw_sources(
     scenario: Scenario, generators: Generators, given_m: Mapping[str, FloatArray]
 ) -> list[DischargeSource]:
-    number = scenario.campaign.number
+    number, of_duty = scenario.campaign.number, generators.nature.spawn(len(scenario.sources))
     if number is not None:
         generators = Generators.spawn(np.random.default_rng(number))
     sources, taken = list[DischargeSource](), set[str]()
-    for config in scenario.grown_sources:
+    of_changes = generators.nature.spawn(len(scenario.sources))
+    for config, duty_rng, change_rng in zip(scenario.grown_sources, of_duty, of_changes, strict=True):
         position_m = _draw_position(config, scenario, generators.episode, taken)
+        emitter = _draw_emitter(config, generators, duty_rng)
+        train, conductor_rad = _draw_train(config, scenario, generators.episode)
         sources.append(
             DischargeSource(
-                **_draw_emitter(config, generators),
+                **emitter,
                 position_m=given_m.get(config.name, position_m),
-                train=_draw_train(config, scenario, generators.episode),
-                active_s=config.active_s or (0.0, np.inf),
+                train=train,
+                changes=_draw_changes(config, scenario, train, conductor_rad, change_rng),
                 drift_db_per_min=config.drift_db_per_min,
                 n_shots=config.n_shots,
                 first_shot_s=config.first_shot_s,
             )
         )
     return sources
+
+
+def _draw_changes(
+    config: SourceConfig,
+    scenario: Scenario,
+    train: PulseTrain | None,
+    conductor_rad: float,
+    rng: np.random.Generator,
+) -> tuple[SourceChange, ...]:
+    """Return the later changes of a source; a new kind of discharge is on the same conductor."""
+    changes, gain, rate_hz = list[SourceChange](), 1.0, config.pulse_rate_hz
+    for change in config.changes or ():
+        gain = gain if change.amplitude_db is None else 10 ** (change.amplitude_db / 20)
+        rate_hz = rate_hz if change.pulse_rate_hz is None else change.pulse_rate_hz
+        if change.kind is not None:
+            train = PulseTrain.of_kind(change.kind, scenario.true_mains_hz, conductor_rad, rng)
+        changes.append(SourceChange(change.at_s, gain, rate_hz, train))
+    return tuple(changes)
+
+
+def _draw_interferers(scenario: Scenario, generators: Generators) -> list[DischargeSource]:
+    n = len(scenario.interferers)
+    of_duty, of_train = generators.nature.spawn(n), generators.nature.spawn(n)
+    return [
+        DischargeSource(
+            **_draw_emitter(item, generators, duty_rng),
+            position_m=np.array(item.position_m),
+            train=_draw_train(item, scenario, train_rng)[0],
+            burst_s=item.burst_s,
+            path_m=None if item.path_m is None else np.array(item.path_m),
+            speed_mps=item.speed_mps or 0.0,
+        )
+        for item, duty_rng, train_rng in zip(scenario.interferers, of_duty, of_train, strict=True)
+    ]
 
 
 def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Generator, taken: set[str]) -> FloatArray:
@@ -191,15 +220,23 @@ def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Gene
     return scenario.yard.site_position(site)
 
 
-def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generator) -> PulseTrain | None:
-    if config.kind is None:
-        return None
+def _draw_train(
+    config: SourceConfig | InterfererConfig, scenario: Scenario, rng: np.random.Generator
+) -> tuple[PulseTrain | None, float]:
+    """Return the pulse train at the start, None for pulses at any phase, and the phase of the conductor."""
+    changes = config.changes or () if isinstance(config, SourceConfig) else ()
+    if config.kind is None and all(change.kind is None for change in changes):
+        return None, 0.0
     drawn_deg = rng.choice((0.0, 120.0, 240.0))
-    conductor_deg = drawn_deg if config.conductor_deg is None else config.conductor_deg
-    return PulseTrain.of_kind(config.kind, scenario.true_mains_hz, radians(conductor_deg), rng)
+    conductor_rad = radians(drawn_deg if config.conductor_deg is None else config.conductor_deg)
+    if config.kind is None:
+        return None, conductor_rad
+    return PulseTrain.of_kind(config.kind, scenario.true_mains_hz, conductor_rad, rng), conductor_rad
 
 
-def _draw_emitter(config: SourceConfig | InterfererConfig, generators: Generators) -> dict[str, Any]:
+def _draw_emitter(
+    config: SourceConfig | InterfererConfig, generators: Generators, duty_rng: np.random.Generator
+) -> dict[str, Any]:
     """Return the properties that sources and interferers share, as arguments of `DischargeSource`.
 
     The amplitude is drawn uniformly in decibels from its range; the polarisation, unless it is stated, uniformly on the
@@ -213,6 +250,8 @@ def _draw_emitter(config: SourceConfig | InterfererConfig, generators: Generator
         "amplitude_v": config.amplitude_v * 10 ** (level_db / 20),
         "pulse_rate_hz": config.pulse_rate_hz,
         "axis": axis / np.linalg.norm(axis),
+        "active_s": config.active_s or (0.0, np.inf),
+        "duty": None if config.duty_s is None else Telegraph(*config.duty_s, duty_rng),
     }
 
 
@@ -224,6 +263,6 @@ def _describe(source: DischargeSource) -> dict[str, Any]:
         "polarisation": source.axis.tolist(),
         "pulse_rate_hz": source.pulse_rate_hz,
     }
-    if source.moves_to_m is not None:
-        described |= {"moves_to_m": source.moves_to_m.tolist(), "speed_mps": source.speed_mps}
+    if source.path_m is not None:
+        described |= {"path_m": source.path_m.tolist(), "speed_mps": source.speed_mps}
     return described

@@ -26,14 +26,14 @@ def plausibility(scenario: Scenario) -> Iterator[str]:
     for i, source in enumerate(scenario.grown_sources):
         start_s, end_s = source.active_s or (0.0, inf)
         start_s = max(start_s, source.first_shot_s if source.n_shots is not None else 0.0)
-        if source.pulse_rate_hz == 0.0 or start_s >= min(end_s, time_limit_s):
+        if source.max_pulse_rate_hz == 0.0 or start_s >= min(end_s, time_limit_s):
             yield f"sources.{i}: `{source.name}` does not discharge within the mission"
             continue
         places = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
         places = places or [source.position_m or (0.0, 0.0, source.anywhere_at_m)]
         heights_m = np.array([place[2] for place in places])
         range_m = max(float(np.abs(heights_m - scenario.array.height_m).min()), room_m)
-        peak_v = source.amplitude_v * 10 ** (source.amplitude_range_db / 40) * receiver.front_end.pulse_peak
+        peak_v = source.max_amplitude_v * receiver.front_end.pulse_peak
         drift_db = max(source.drift_db_per_min * min(end_s, time_limit_s) / 60.0, 0.0)
         level_db = 20 * np.log10(peak_v / range_m / receiver.threshold_v) + drift_db
         if level_db < -REFLECTION_MARGIN_DB:

@@ -68,8 +68,9 @@ def test_documented_settings_are_accepted(tmp_path: Path) -> None:
     assert "[nature" not in shipped
     (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml", SCENARIOS)]), encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
-    assert len(scenario.nature.receiver.faults) == len(scenario.carriers) == 1
-    assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0]
+    assert len(scenario.nature.receiver.faults) == 2
+    assert len(scenario.carriers) == 1
+    assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0, None]
     assert scenario.campaign.number == 1
     assert scenario.georeference is not None
     assert "kiosk" in {item.name for item in scenario.known_yard.equipment}

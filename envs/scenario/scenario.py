@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import log10, sqrt
 from typing import Annotated, Literal, Self
 
@@ -234,10 +235,11 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
             yield f"sources.{i}.sites: must be more than the earlier sources on these sites, got {len(sites)}"
         earlier.append(sites)
     for i, item in enumerate(scenario.interferers):
-        if yard.contains(item.position_m):
-            yield f"interferers.{i}.position_m: must lie outside the yard, got {item.position_m}; inside: [[sources]]"
-        elif item.moves_to_m is not None and yard.is_crossed(item.position_m, item.moves_to_m):
-            yield f"interferers.{i}.moves_to_m: the path must not cross the yard, got {item.moves_to_m}"
+        if name := yard.enclosing_equipment(item.position_m):
+            yield f"interferers.{i}.position_m: must lie outside equipment, got {item.position_m} inside `{name}`"
+        for start_m, end_m in pairwise([item.position_m, *(item.path_m or ())]):
+            if name := yard.enclosing_equipment(np.linspace(start_m, end_m, 1000)[1:]):
+                yield f"interferers.{i}.path_m: must not cross equipment, got {end_m}, reached through `{name}`"
 
 
 def _growth_errors(scenario: Scenario) -> Iterator[str]:
@@ -252,7 +254,7 @@ def _growth_errors(scenario: Scenario) -> Iterator[str]:
         grown_db = source.growth_db_per_week * weeks
         yield from _at_most(f"sources.{i}.growth_db_per_week", grown_db, MAX_CHANGE_DB, f"dB {when}")
         decades = log10(1.0 + source.rate_growth_per_week) * weeks
-        rate_hz = source.pulse_rate_hz * 10.0 ** min(decades, 10.0)
+        rate_hz = source.max_pulse_rate_hz * 10.0 ** min(decades, 10.0)
         yield from _at_most(f"sources.{i}.rate_growth_per_week", rate_hz, MAX_RATE_HZ, f"pulses per second {when}")
 
 
@@ -284,9 +286,10 @@ def _signal_errors(scenario: Scenario) -> Iterator[str]:
     pulses_hz, rate_hz, pulse_s = receiver.false_alarm_rate_hz, receiver.sample_rate_hz, 12e-9
     for key, emitters in (("interferers", scenario.interferers), ("sources", scenario.grown_sources)):
         for i, item in enumerate(emitters):
-            pulses_hz += item.pulse_rate_hz
-            peak_v = item.amplitude_v * 10 ** (item.amplitude_range_db / 40)
-            yield from _at_most(f"{key}.{i}.amplitude_v", peak_v, MAX_PEAK_OVER_NOISE * receiver.noise_v, unit)
+            pulses_hz += item.max_pulse_rate_hz
+            yield from _at_most(
+                f"{key}.{i}.amplitude_v", item.max_amplitude_v, MAX_PEAK_OVER_NOISE * receiver.noise_v, unit
+            )
     key = "sources, interferers, receiver.false_alarm_rate_hz"
     yield from _at_most(key, pulses_hz * scenario.task.time_limit_s, MAX_PULSES, "pulses within task.time_limit_s")
     nyquist_hz = 0.5 * rate_hz

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import dist, hypot
 from typing import Annotated, Self
 
@@ -31,6 +32,9 @@ PulseRate = Annotated[float, Field(ge=0.0, le=1e4), PLAIN_ZERO]
 RangeDecibel = Annotated[float, Field(ge=0.0, le=60.0), PLAIN_ZERO]
 DriftDecibel = Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO]
 """Change of level per minute or per week, at most a factor of 1000."""
+
+DutySecond = Annotated[float, Field(ge=0.1, le=86_400.0)]
+"""Mean duration of activity or of a pause, not shorter than a control step."""
 
 RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0), PLAIN_ZERO]
 """Relative change of the pulse rate per week: from a tenth to ten times as many pulses."""
@@ -67,20 +71,24 @@ class CampaignConfig(Config):
         return self
 
 
-class SourceConfig(Config):
-    """Discharge on a site drawn from `sites`, at a given position, or above free ground."""
+class ChangeConfig(Config):
+    """Change of a source at some time of the mission; keys that are left out keep their value."""
+
+    at_s: MissionSecond
+    amplitude_db: Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO] | None = None
+    """Level from then on, relative to the amplitude at the start."""
+    pulse_rate_hz: PulseRate | None = None
+    kind: KindName | None = None
+
+
+class EmitterConfig(Config):
+    """Source of pulses: what discharges and interferers have in common."""
 
     name: Name
-    sites: tuple[SiteChoice, ...] = Field(default=(), max_length=MOST_PIECES * MOST_SITES)
-    position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
-    anywhere_at_m: Height | None = None
-    """Height above the ground, over a place on free ground that is drawn per mission."""
-    amplitude_v: PeakVolt = 0.27
-    """Peak of a pulse in a unit-gain channel 1 m away. With the default receiver, the Cramer-Rao bound for the bearing
-    of one pulse of the default amplitude is 0.44 degrees at 5 m and 1.3 degrees at 15 m."""
     amplitude_range_db: RangeDecibel = 6.0
     """Width of the range around `amplitude_v` from which the amplitude is drawn per mission."""
     pulse_rate_hz: PulseRate = 20.0
+    """Mean number of pulses per second while the source is active."""
     polarisation: Direction | None = None
     """Direction of the linear polarisation; by default drawn per mission."""
     kind: KindName | None = None
@@ -89,6 +97,29 @@ class SourceConfig(Config):
     """Phase of the conductor relative to the receiver's mains supply; by default 0, 120 or 240 is drawn per mission."""
     active_s: tuple[MissionSecond, MissionSecond] | None = None
     """Start and end of the activity; by default the whole mission."""
+    duty_s: tuple[DutySecond, DutySecond] | None = None
+    """Mean durations of activity and of the pauses between, in turns, both exponentially distributed; by default
+    without pauses."""
+
+    @model_validator(mode="after")
+    def _check_activity(self) -> Self:
+        if self.active_s is not None and self.active_s[0] >= self.active_s[1]:
+            raise ValueError(f"active_s: must start before it ends, got {self.active_s}")
+        return self
+
+
+class SourceConfig(EmitterConfig):
+    """Discharge on a site drawn from `sites`, at a given position, or above free ground."""
+
+    sites: tuple[SiteChoice, ...] = Field(default=(), max_length=MOST_PIECES * MOST_SITES)
+    position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    anywhere_at_m: Height | None = None
+    """Height above the ground, over a place on free ground that is drawn per mission."""
+    amplitude_v: PeakVolt = 0.27
+    """Peak of a pulse in a unit-gain channel 1 m away. With the default receiver, the Cramer-Rao bound for the bearing
+    of one pulse of the default amplitude is 0.44 degrees at 5 m and 1.3 degrees at 15 m."""
+    changes: Annotated[tuple[ChangeConfig, ...], Field(min_length=1, max_length=100)] | None = None
+    """Changes of level, rate and kind in the course of the mission, in order of time."""
     drift_db_per_min: DriftDecibel = 0.0
     growth_db_per_week: DriftDecibel = 0.0
     """Growth of the amplitude over the weeks of the campaign."""
@@ -98,12 +129,29 @@ class SourceConfig(Config):
     """Makes the source a discharge gun, with this many pulses at the pulse rate from `first_shot_s` on."""
     first_shot_s: MissionSecond = 0.0
 
+    @property
+    def max_pulse_rate_hz(self) -> float:
+        """Largest pulse rate of the mission."""
+        return max([self.pulse_rate_hz, *(change.pulse_rate_hz or 0.0 for change in self.changes or ())])
+
+    @property
+    def max_amplitude_v(self) -> float:
+        """Largest amplitude that may be drawn, after all changes but the drift."""
+        changes_db = max([0.0, *(change.amplitude_db or 0.0 for change in self.changes or ())])
+        return self.amplitude_v * 10 ** (self.amplitude_range_db / 40) * 10 ** (changes_db / 20)
+
     def after(self, weeks: float) -> Self:
         """Return the source as it is a number of weeks after the campaign began."""
         gain, more = 10 ** (self.growth_db_per_week * weeks / 20), (1.0 + self.rate_growth_per_week) ** weeks
-        return self.model_copy(
-            update={"amplitude_v": self.amplitude_v * gain, "pulse_rate_hz": self.pulse_rate_hz * more}
-        )
+        grown = {"amplitude_v": self.amplitude_v * gain, "pulse_rate_hz": self.pulse_rate_hz * more}
+        if self.changes is not None:
+            grown["changes"] = tuple(
+                change
+                if change.pulse_rate_hz is None
+                else change.model_copy(update={"pulse_rate_hz": change.pulse_rate_hz * more})
+                for change in self.changes
+            )
+        return self.model_copy(update=grown)
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
@@ -111,39 +159,51 @@ class SourceConfig(Config):
         if len(places) != 1:
             given = " and ".join(places) or "none"
             raise ValueError(f"sites, position_m, anywhere_at_m: exactly one must be given, got {given}")
-        if self.active_s is not None and self.active_s[0] >= self.active_s[1]:
-            raise ValueError(f"active_s: must start before it ends, got {self.active_s}")
         if self.n_shots is not None and self.kind is not None:
             raise ValueError("kind, n_shots: must not be given together; a gun ignores the phase of the mains")
+        if self.n_shots is not None and self.changes is not None:
+            raise ValueError("changes, n_shots: must not be given together; a gun does not change")
         if self.n_shots is not None and self.pulse_rate_hz < 1e-4:
             raise ValueError(f"pulse_rate_hz: must be at least 0.0001 for a gun, got {self.pulse_rate_hz:g}")
+        for before, change in pairwise(self.changes or ()):
+            if before.at_s >= change.at_s:
+                raise ValueError(f"changes: at_s must increase, {before.at_s:g} is followed by {change.at_s:g}")
         return self
 
 
-class InterfererConfig(Config):
-    """Source of impulses beyond the fence, which must not be reported as a finding."""
+class InterfererConfig(EmitterConfig):
+    """Source of impulses that is not a discharge, beyond the fence or within it.
 
-    name: Name
+    It must not be reported as a finding: a confirmed finding on it counts as false, wherever it is.
+    """
+
     position_m: FarPosition
     amplitude_v: PeakVolt
-    amplitude_range_db: RangeDecibel = 6.0
-    pulse_rate_hz: PulseRate = 20.0
-    polarisation: Direction | None = None
-    """Direction of the linear polarisation; by default drawn per mission."""
     burst_s: Annotated[float, Field(ge=0.0, le=1e-3), PLAIN_ZERO] = 0.0
     """Length of each burst of an in-band carrier, as from a switch or a radar; 0 for impulses like those of a
     discharge."""
-    moves_to_m: FarPosition | None = None
-    """Far end of the path of a moving interferer, such as traffic. It starts at `position_m` and moves back and forth.
-    """
+    path_m: Annotated[tuple[FarPosition, ...], Field(min_length=1, max_length=100)] | None = None
+    """Further points of the path of a moving interferer, such as traffic. It starts at `position_m`, moves along
+    straight lines to the last point, and back and forth from then on."""
     speed_mps: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
+
+    @property
+    def max_pulse_rate_hz(self) -> float:
+        """Pulse rate."""
+        return self.pulse_rate_hz
+
+    @property
+    def max_amplitude_v(self) -> float:
+        """Largest amplitude that may be drawn."""
+        return self.amplitude_v * 10 ** (self.amplitude_range_db / 40)
 
     @model_validator(mode="after")
     def _check_path(self) -> Self:
-        if (self.moves_to_m is None) != (self.speed_mps is None):
-            raise ValueError("moves_to_m, speed_mps: must be given together")
-        if self.moves_to_m is not None and dist(self.position_m, self.moves_to_m) < 1e-3:
-            raise ValueError(f"moves_to_m: must differ from position_m, got {self.moves_to_m}")
+        if (self.path_m is None) != (self.speed_mps is None):
+            raise ValueError("path_m, speed_mps: must be given together")
+        for before_m, point_m in pairwise([self.position_m, *(self.path_m or ())]):
+            if dist(before_m, point_m) < 1e-3:
+                raise ValueError(f"path_m: each point must differ from the one before, got {point_m} twice")
         return self
 
 

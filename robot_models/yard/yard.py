@@ -6,7 +6,6 @@ need MuJoCo, so that scenarios can be checked and paths planned without a model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Self
 
@@ -76,10 +75,6 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         return np.all((points >= 0.0) & (points <= self.size_m), axis=-1)
 
-    def is_crossed(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
-        """Return whether at least one of 1000 points on the line between two world points lies inside the fence."""
-        return bool(self.contains(np.linspace(start_m, end_m, 1000)).any())
-
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Return the horizontal distance from world points (..., 2) to the nearest obstacle or fence; negative inside.
 
@@ -128,9 +123,14 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
                 return item.site_position(site)
         raise ValueError(f"no site `{name}` in this yard; available: {', '.join(self.site_names()) or 'none'}")
 
-    def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
-        """Return the name of the equipment that encloses a world position (3,), or None."""
-        owners = self.owner[self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0]
+    def enclosing_equipment(self, points_m: ArrayLike) -> str | None:
+        """Return the name of the first piece of equipment that encloses a world point, or None.
+
+        Args:
+            points_m: One point, shape (3,), or several of which any may be enclosed, shape (n, 3).
+        """
+        is_inside = self.solids.distance(np.atleast_2d(np.asarray(points_m, dtype=np.float64))) < 0
+        owners = self.owner[is_inside.any(axis=0)]
         return self.equipment[int(owners[0])].name if owners.size else None
 
     def obstacles_at(self, points_m: ArrayLike) -> set[str]:

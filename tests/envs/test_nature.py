@@ -15,6 +15,7 @@ from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
 from pdpatrol.envs.scenario.array import data_sheet_sha256
 from pdpatrol.robot_models.readings import POSE
 from pdpatrol.sensing import Surroundings
+from pdpatrol.sensing.nature.sources import Emissions, Telegraph
 from pdpatrol.sensing.receiver.bank import ReceiverBank
 
 EXACT = {"array.gain_error": 0.0, "array.pointing_error_deg": 0.0, "array.position_error_m": 0.0}
@@ -181,6 +182,66 @@ def test_phases_drift_if_the_mains_is_not_as_believed(offset_hz: float) -> None:
         np.angle(np.exp(2j * late).mean() / np.exp(2j * early).mean()) / 2
     )  # the pattern repeats twice per cycle
     assert shift_rad == pytest.approx(-2 * np.pi * offset_hz * 1.25, abs=0.05)
+
+
+def drawn(settings: dict[str, Any], duration_s: float = 600.0, seed: int = 0) -> Emissions:
+    """Draw what the sources and interferers of a scenario emit."""
+    generators = Generators.spawn(np.random.default_rng(seed))
+    episode = Episode.draw(loaded(settings), Surroundings(), generators, ResetOptions())
+    return episode.listener.scene.draw(0.0, duration_s, generators.nature)
+
+
+STEADY = {"name": "steady", "position_m": [20.0, 3.0, 1.0], "pulse_rate_hz": 20.0, "amplitude_range_db": 0.0}
+
+
+@pytest.mark.parametrize("key", ["sources", "interferers"])
+def test_duty_interrupts_an_emitter_and_changes_no_other_draw(key: str) -> None:
+    """Emissions with pauses are a part of those without; on and off times have their mean durations."""
+    item = STEADY | {"amplitude_v": 0.27}
+    always, pausing = (drawn({"sources": [], key: [item | duty]}) for duty in ({}, {"duty_s": [6.0, 3.0]}))
+    assert np.isin(pausing.time_s, always.time_s).all()
+    assert pausing.time_s.size / always.time_s.size == pytest.approx(6.0 / 9.0, abs=0.1)
+    kept = np.isin(np.sort(always.time_s), pausing.time_s)
+    n_pauses = np.count_nonzero(np.diff(kept.astype(int)) == -1)
+    assert n_pauses == pytest.approx(600.0 / 9.0, abs=4 * np.sqrt(600.0 / 9.0))
+
+
+def test_telegraph_may_be_asked_in_any_order() -> None:
+    forth, back = (Telegraph(2.0, 1.0, np.random.default_rng(3)) for _ in range(2))
+    time_s = np.arange(0.0, 300.0, 0.1)
+    states = [forth.is_on(part) for part in np.split(time_s, 30)]
+    np.testing.assert_array_equal(np.concatenate(states), back.is_on(time_s[::-1])[::-1])
+    starts = [Telegraph(2.0, 1.0, np.random.default_rng(seed)).is_on(np.zeros(1))[0] for seed in range(600)]
+    assert np.mean(starts) == pytest.approx(2.0 / 3.0, abs=0.08)
+
+
+def test_source_changes_level_rate_and_kind_at_their_times() -> None:
+    changes = [
+        {"at_s": 200.0, "amplitude_db": 6.0, "pulse_rate_hz": 60.0},
+        {"at_s": 400.0, "kind": "corona"},
+        {"at_s": 500.0, "pulse_rate_hz": 0.0},
+    ]
+    found = drawn({"sources": [STEADY | {"conductor_deg": 120.0, "changes": changes}]})
+    parts = [np.abs(found.peak_v[(found.time_s >= low) & (found.time_s < high)]) for low, high in
+             ((0.0, 200.0), (200.0, 400.0), (400.0, 500.0), (500.0, 600.0))]  # fmt: skip
+    sizes = np.array([part.size for part in parts])
+    np.testing.assert_allclose(sizes, [4000, 12000, 6000, 0], atol=4 * np.sqrt(12000))
+    assert sizes[3] == 0
+    np.testing.assert_allclose(parts[0], 0.27)
+    np.testing.assert_allclose(parts[1], 0.27 * 10**0.3)
+    phase = (50.0 * found.time_s[found.time_s >= 400.0] - 120.0 / 360.0) % 1.0
+    assert abs(np.exp(2j * np.pi * phase).mean()) > 0.5  # corona comes mainly in one half cycle
+    assert abs(np.exp(2j * np.pi * 50.0 * found.time_s[found.time_s < 400.0]).mean()) < 0.05
+
+
+def test_interferer_has_kind_and_activity_and_changes_no_other_draw() -> None:
+    lamp = STEADY | {"name": "lamp", "amplitude_v": 0.3, "kind": "floating", "active_s": [10.0, 20.0]}
+    plain, found = (drawn({"interferers": [item]}) for item in (STEADY | {"name": "lamp", "amplitude_v": 0.3}, lamp))
+    time_s = found.time_s[found.source == 1]
+    assert time_s.min() >= 10.0
+    assert time_s.max() < 20.0
+    assert abs(np.exp(4j * np.pi * 50.0 * time_s).mean()) > 0.5  # twice per cycle
+    np.testing.assert_array_equal(found.time_s[found.source == 0], plain.time_s[plain.source == 0])
 
 
 def poses(settings: dict[str, Any], true_pose: np.ndarray, seed: int = 0) -> np.ndarray:

@@ -11,7 +11,7 @@ from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.vector_env import PatrolVectorEnv
 
 TRAM = {"name": "tram", "position_m": (-20.0, -8.0, 3.0), "amplitude_v": 3.0, "pulse_rate_hz": 100.0}
-MOVING = {"moves_to_m": (60.0, -8.0, 3.0), "speed_mps": 20.0}
+MOVING = {"path_m": ((60.0, -8.0, 3.0),), "speed_mps": 20.0}
 
 
 def brisk(name: str = "one_source", **settings: Any) -> Scenario:  # noqa: ANN401 - as TOML
@@ -89,14 +89,15 @@ def test_rows_with_faulty_channels_equal_single_environments() -> None:
 
 
 def test_rows_with_another_nature_equal_single_environments() -> None:
-    """Array, pose sensor with jumps and dropouts, and drifting receiver differ from what is believed."""
+    """Array, pose sensor and receiver differ from what is believed, and an interferer stands inside the fence."""
     nature = {
         "array": {"beam_width_scale": 1.1, "mount_yaw_deg": 2.0},
         "pose_sensor": {"jumps_per_min": 60.0, "jump_std_m": 0.3, "dropouts_per_min": 30.0, "dropout_s": 0.5,
                         "frame_rotation_deg": 1.0},
         "receiver": {"temperature_spread_db_per_min": 2.0, "temperature_drift_db_per_min": 3.0},
     }  # fmt: skip
-    *_, n_detected = assert_rows_equal_singles(brisk("two_sources", nature=nature))
+    lamp = TRAM | {"name": "lamp", "position_m": (8.0, 8.0, 2.0), "duty_s": (0.5, 0.5), "kind": "corona"}
+    *_, n_detected = assert_rows_equal_singles(brisk("two_sources", nature=nature, interferers=[lamp]))
     assert n_detected > 10
 
 
@@ -110,8 +111,8 @@ def test_moving_interferer_is_where_each_row_has_it() -> None:
 def test_truth_has_the_path_of_a_moving_interferer() -> None:
     _, info = PatrolEnv(brisk(interferers=[TRAM, TRAM | MOVING | {"name": "bus"}]), full_info=True).reset(seed=0)
     standing, bus = info["truth"]["interferers"]
-    assert not {"moves_to_m", "speed_mps"} & standing.keys()
-    assert (bus["position_m"], bus["moves_to_m"], bus["speed_mps"]) == ([-20.0, -8.0, 3.0], [60.0, -8.0, 3.0], 20.0)
+    assert not {"path_m", "speed_mps"} & standing.keys()
+    assert (bus["position_m"], bus["path_m"], bus["speed_mps"]) == ([-20.0, -8.0, 3.0], [[60.0, -8.0, 3.0]], 20.0)
 
 
 @pytest.mark.parametrize(

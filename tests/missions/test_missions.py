@@ -185,6 +185,15 @@ def test_interferer_outside_the_fence_is_not_confirmed() -> None:
     assert all(report.n_bearings > 100 for report in reports)
 
 
+@pytest.mark.whole
+def test_finding_on_an_interferer_within_the_fence_is_false() -> None:
+    place_m = (12.0, 6.0, 1.5)
+    lamp = {"name": "lamp", "position_m": place_m, "amplitude_v": 0.27, "kind": "surface"}
+    report = make_report(run_mission(load_scenario("one_source", {"sources": [], "interferers": [lamp]}), seed=0), 0.0)
+    assert len(report.findings) == report.scores.false_findings == 1
+    assert np.linalg.norm(np.subtract(report.findings[0].position_m, place_m)[:2]) < 0.5
+
+
 def test_clipped_pulses_are_not_used_for_locating() -> None:
     clipping = load_scenario("one_source", {"task.time_limit_s": 30.0, "receiver.full_scale_v": 0.01})
     log = run_mission(clipping, "patrol", seed=0)

@@ -15,7 +15,7 @@ LINE_S = 5.0
 
 
 def tram(*, moves: bool = True, at_m: np.ndarray = START_M) -> DischargeSource:
-    motion = {"moves_to_m": END_M, "speed_mps": SPEED_MPS} if moves else {}
+    motion = {"path_m": END_M[np.newaxis], "speed_mps": SPEED_MPS} if moves else {}
     return DischargeSource(name="tram", position_m=at_m, amplitude_v=2.0, pulse_rate_hz=400.0, **motion)
 
 
@@ -27,6 +27,24 @@ def test_mover_goes_to_its_far_end_and_back() -> None:
     for time_s, x_m in ((0.0, -30.0), (2.5, 0.0), (5.0, 30.0), (7.5, 0.0), (10.0, -30.0), (61.0, -18.0)):
         expected = np.array([POST.position_m, (x_m, -20.0, 0.6)])
         np.testing.assert_allclose(scene.positions_at(time_s), expected, atol=1e-9)
+
+
+def test_mover_follows_its_polyline_back_and_forth() -> None:
+    """An L of 3 m and 4 m at 1 m/s: 14 s for there and back."""
+    path = {"path_m": np.array([[3.0, 0.0, 1.0], [3.0, 4.0, 1.0]]), "speed_mps": 1.0}
+    car = DischargeSource(name="c", position_m=np.array([0.0, 0.0, 1.0]), amplitude_v=1.0, pulse_rate_hz=1.0, **path)
+    places = [
+        (0.0, 0, 0),
+        (2.0, 2, 0),
+        (3.0, 3, 0),
+        (5.0, 3, 2),
+        (7.0, 3, 4),
+        (9.0, 3, 2),
+        (12.0, 2, 0),
+        (14.5, 0.5, 0),
+    ]
+    for time_s, x_m, y_m in places:
+        np.testing.assert_allclose(car.position_at(time_s), [x_m, y_m, 1.0], atol=1e-9)
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 1.0))

@@ -34,9 +34,10 @@ SMALL: dict[str, Any] = {
     "sources": [
         {"name": "one", "sites": ["tank/*"], "kind": "void", "conductor_deg": 120.0, "active_s": [0.0, 100.0]},
         {"name": "gun", "position_m": [16.0, 12.0, 2.0], "n_shots": 20, "first_shot_s": 1.0, "pulse_rate_hz": 5.0},
-        {"name": "any", "anywhere_at_m": 1.5},
+        {"name": "any", "anywhere_at_m": 1.5, "duty_s": [5.0, 2.0],
+         "changes": [{"at_s": 4.0, "amplitude_db": 3.0, "kind": "corona"}, {"at_s": 9.0, "pulse_rate_hz": 0.0}]},
     ],
-    "interferers": [{"name": "tram", "position_m": [40.0, 8.0, 5.0], "moves_to_m": [40.0, -8.0, 5.0],
+    "interferers": [{"name": "tram", "position_m": [40.0, 8.0, 5.0], "path_m": [[40.0, -8.0, 5.0], [30.0, -9.0, 5.0]],
                      "speed_mps": 9.0, "amplitude_v": 4.0, "burst_s": 1e-6}],
     "carriers": [{"name": "gsm", "frequency_hz": 9.48e8, "amplitude_v": 0.02, "bearing_deg": 37.0}],
     "task": {"time_limit_s": 20.0},

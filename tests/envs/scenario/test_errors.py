@@ -110,12 +110,20 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "nature.receiver.faults.0.gain_db: must be given for kind gain_drift",
     ),
     (
-        {"interferers": [{**TRAM, "moves_to_m": [-5.0, 25.0, 1.0]}]},
-        "interferers.0.moves_to_m, speed_mps: must be given together",
+        {"interferers": [{**TRAM, "path_m": [[-5.0, 25.0, 1.0]]}]},
+        "interferers.0.path_m, speed_mps: must be given together",
     ),
     (
-        {"interferers": [{**TRAM, "moves_to_m": [-5.0, 5.0, 1.0], "speed_mps": 9.0}]},
-        "interferers.0.moves_to_m: must differ from position_m, got (-5.0, 5.0, 1.0)",
+        {"interferers": [{**TRAM, "path_m": [[-5.0, 9.0, 1.0], [-5.0, 9.0, 1.0]], "speed_mps": 9.0}]},
+        "interferers.0.path_m: each point must differ from the one before, got (-5.0, 9.0, 1.0) twice",
+    ),
+    (
+        {"sources": [{**GUN, "changes": [{"at_s": 9.0}, {"at_s": 9.0}]}]},
+        "sources.0.changes: at_s must increase, 9 is followed by 9",
+    ),
+    (
+        {"sources": [{**GUN, "n_shots": 5, "changes": [{"at_s": 9.0}]}]},
+        "sources.0.changes, n_shots: must not be given together; a gun does not change",
     ),
     # places
     (
@@ -156,12 +164,12 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ({"sources": [GUN, GUN]}, "sources.1.name: must be used once, got `gun` again"),
     ({"interferers": [{**TRAM, "name": "gun"}]}, "interferers.0.name: must be used once, got `gun` again"),
     (
-        {"interferers": [{**TRAM, "position_m": [5.0, 5.0, 1.0]}]},
-        "interferers.0.position_m: must lie outside the yard, got (5.0, 5.0, 1.0); inside: [[sources]]",
+        {"interferers": [{**TRAM, "position_m": [10.0, 9.0, 1.0]}]},
+        "interferers.0.position_m: must lie outside equipment, got (10.0, 9.0, 1.0) inside `tank`",
     ),
     (
-        {"interferers": [{**TRAM, "moves_to_m": [5.0, 20.0, 1.0], "speed_mps": 9.0}]},
-        "interferers.0.moves_to_m: the path must not cross the yard, got (5.0, 20.0, 1.0)",
+        {"interferers": [{**TRAM, "path_m": [[-5.0, 9.0, 1.0], [15.0, 9.0, 1.0]], "speed_mps": 9.0}]},
+        "interferers.0.path_m: must not cross equipment, got (15.0, 9.0, 1.0), reached through `tank`",
     ),
     # combinations
     (
