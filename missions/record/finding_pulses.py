@@ -10,6 +10,7 @@ from scipy.ndimage import median_filter
 from dirmusic.angles import wrap
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
+from dirmusic.pulses.mains_offset import mains_offset_hz
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
 from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -66,19 +67,26 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
     return found
 
 
-def phase_patterns(log: MissionLog) -> dict[int, tuple[FindingPulses, PhasePattern]]:
+def phase_patterns(log: MissionLog) -> tuple[dict[int, tuple[FindingPulses, PhasePattern]], float]:
     """Return, by id, the pulses of each finding that have a known mains phase, and the pattern that they resemble.
 
-    Their levels are also corrected for changes while the robot drives: obstruction, reflections, height.
+    Their phases are corrected for an offset of the receiver's reference, and their levels also for changes while the
+    robot drives: obstruction, reflections, height.
 
     Args:
         log: A mission that has ended; a killed one has no association.
+
+    Returns:
+        The patterns, and the frequency of the mains minus that of the reference, Hz; 0 if it is not significant.
     """
     patterns: dict[int, tuple[FindingPulses, PhasePattern]] = {}
-    for number, pulses in finding_pulses(log).items():
-        own = pulses.take(np.isfinite(pulses.phase_rad))
+    found = {number: pulses.take(np.isfinite(pulses.phase_rad)) for number, pulses in finding_pulses(log).items()}
+    offset_hz = mains_offset_hz([own.time_s for own in found.values()], [own.phase_rad for own in found.values()])
+    for number, own in found.items():
         if own.time_s.size:
             usual_db = median_filter(own.level_db, size=LEVEL_WINDOW_PULSES, mode="nearest")
-            own = own._replace(level_db=own.level_db + np.quantile(usual_db, LEVEL_QUANTILE) - usual_db)
+            level_db = own.level_db + np.quantile(usual_db, LEVEL_QUANTILE) - usual_db
+            phase_rad = wrap(own.phase_rad + 2 * np.pi * offset_hz * own.time_s)
+            own = own._replace(level_db=level_db, phase_rad=phase_rad)
             patterns[number] = own, classify(own.phase_rad, own.level_db)
-    return patterns
+    return patterns, offset_hz

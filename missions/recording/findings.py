@@ -80,7 +80,7 @@ def _draw_likelihood(stream: rr.RecordingStream, meta: Mapping[str, Any], log_li
 
 def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog, report: Report) -> None:
     """Draw the phase-resolved pattern of each finding of a finished mission: pulses at their times, kind at the end."""
-    patterns, reach = phase_patterns(log), UNITS_PER_DB * SPAN_DB
+    (patterns, _), reach = phase_patterns(log), UNITS_PER_DB * SPAN_DB
     records = [record for record in (*report.findings, *report.candidates) if record.id in patterns]
     if not records:
         return

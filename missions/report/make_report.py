@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ from pdpatrol.missions.report.scoring import score_mission
 PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
 """Bins of the phase-resolved pattern."""
 
+CLOCK_NOTE = "mains frequency: {:+.4f} Hz from the receiver's reference; the phases of the pulses are corrected"
+
 
 def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections | None = None) -> Report:
     """Make the report of a mission; its evaluation alone uses the truth.
@@ -40,7 +43,8 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         wall_time_s: Computing time; the only figure that differs between two runs with the same seed.
         inspection: Result of `inspect_sites`; None to omit the section.
     """
-    step, events, (found, places) = log.table("step"), log.table("event"), _findings(log)
+    step, events, (patterns, offset_hz) = log.table("step"), log.table("event"), phase_patterns(log)
+    found, places = _findings(log, patterns)
     findings = tuple(finding for finding in found if finding.state == "confirmed")
     time_s, battery = step["time_s"], step["battery"][-1:]
     return Report(
@@ -61,7 +65,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         pulses=count_pulses(log),
         channel_faults=_events(events, "channel fault"),
         calibration=_events(events, "calibration"),
-        notes=_events(events, "note", "rejected", "error"),
+        notes=(*_events(events, "note", "rejected", "error"), *([CLOCK_NOTE.format(offset_hz)] if offset_hz else [])),
         findings=findings,
         candidates=tuple(finding for finding in found if finding.state != "confirmed"),
         inspection=inspection,
@@ -105,10 +109,12 @@ def _waypoints(log: MissionLog) -> Waypoints:
     )
 
 
-def _findings(log: MissionLog) -> tuple[list[FindingRecord], dict[int, dict[str, float]]]:
+def _findings(
+    log: MissionLog, patterns: Mapping[int, tuple[FindingPulses, PhasePattern]]
+) -> tuple[list[FindingRecord], dict[int, dict[str, float]]]:
     """Return the findings at the end, sorted by id, and the probabilities of all places of each by id."""
     table = findings_at(log, log.n_rows("step"), "confirmed", "candidate", "outside")
-    yard, pulses, patterns = known_yard(log), finding_pulses(log), phase_patterns(log)
+    yard, pulses = known_yard(log), finding_pulses(log)
     found, places_of = list[FindingRecord](), dict[int, dict[str, float]]()
     for row in range(table["id"].size):
         finding = {column: values[row] for column, values in table.items() if column != "step"}

@@ -82,13 +82,15 @@ def test_kind_is_recognised_in_nine_of_ten_defects(kind: KindName, rate_hz: floa
 
 
 def test_two_kinds_together_are_unknown() -> None:
+    """Clusters of two kinds can coincide and look like one kind, but this is rarely stated with confidence."""
     rng = np.random.default_rng(5)
-    kinds = []
+    patterns = []
     for first, second in combinations(NAMES, 2):
         for _ in range(12):
             (p, a), (q, b) = pulses(first, rng, 10.0), pulses(second, rng, 10.0)
-            kinds.append(classify(np.concatenate([p, q]), np.concatenate([a, b + rng.uniform(-6, 6)])).kind)
-    assert np.mean([kind == "unknown" for kind in kinds]) >= 0.8
+            patterns.append(classify(np.concatenate([p, q]), np.concatenate([a, b + rng.uniform(-6, 6)])))
+    assert np.mean([pattern.kind == "unknown" for pattern in patterns]) >= 0.7
+    assert np.mean([pattern.kind != "unknown" and pattern.confidence > 0.9 for pattern in patterns]) <= 0.05
 
 
 @pytest.mark.parametrize("spread_db", [0.3, 4.0])

@@ -189,7 +189,7 @@ def test_left_turn_turns_the_robot(drawn: Entities, log: MissionLog) -> None:
 
 
 def test_phase_pattern_has_levels_in_decibels(drawn: Entities, log: MissionLog) -> None:
-    patterns = phase_patterns(log)
+    patterns, _ = phase_patterns(log)
     assert patterns
     for number, (pulses, _) in patterns.items():
         points, steps = drawn[f"phase_pattern/{number}"]["positions"], log.column("pulse", "step")[pulses.pulse]
