@@ -6,10 +6,10 @@ Simulated discharges deviate from the typical patterns; `pdpatrol.sensing` draws
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, replace
-from typing import Literal
+from math import lgamma
+from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike
 
 from dirmusic.angles import difference
@@ -95,6 +95,9 @@ DEVIATION = np.array([[np.radians(9.0)], [0.4], [2.5], [0.5]])
 Assumed, about twice those of the simulated discharges. They determine the confidence, which must also hold for
 patterns with heavy tails and skew."""
 
+PRECISION, IS_COMMON = DEVIATION**-2.0, np.array([[1.0], [0.0], [1.0], [0.0]])
+"""Precision of each parameter, and 1 for those that the whole pattern can shift: centre and level."""
+
 SHARE_PULSES = 6.0
 """Number of pulses that the typical shares of clusters are worth (concentration of a Dirichlet prior). Assumed."""
 
@@ -160,11 +163,8 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     fits = [_evidence(phase, level, clusters) for _, clusters, _ in PATTERNS]
     unknown = np.logaddexp(_uniform(phase, level), _other(phase, level)) + np.log(0.05)
     evidence = np.array([*(fit + prior for (fit, _), (*_, prior) in zip(fits, PATTERNS, strict=True)), unknown])
-    weight = scipy.special.softmax(evidence)
-    probability = dict.fromkeys((*KINDS, "unknown"), 0.0)
-    for (kind, *_), value in zip(PATTERNS, weight, strict=False):
-        probability[kind] += float(value)
-    probability["unknown"] = float(weight[-1])
+    weight = np.exp(evidence - np.logaddexp.reduce(evidence))
+    probability = {kind: float(weight[2 * k : 2 * k + 2].sum()) for k, kind in enumerate((*KINDS, "unknown"))}
     kind = max(probability, key=lambda name: probability[name])
     return PhasePattern(
         kind=kind, confidence=probability[kind], shift_rad=fits[int(evidence[:-1].argmax())][1] % (2 * np.pi)
@@ -180,13 +180,13 @@ def _uniform(phase: FloatArray, level: FloatArray) -> float:
 
 def _other(phase: FloatArray, level: FloatArray) -> float:
     """Return the log evidence of any other pattern: kernel density of each pulse from all others."""
-    evidence = []
+    evidence = list[float]()
     for width_rad, spread_db in KERNELS:
         off = np.square(difference(phase, phase[:, np.newaxis]) / width_rad)
         kernel = np.exp(-0.5 * (off + np.square((level - level[:, np.newaxis]) / spread_db)))
         density = (kernel.sum(axis=0) - 1.0) / ((phase.size - 1) * 2 * np.pi * width_rad * spread_db)
-        evidence.append(np.log((1 - STRAY) * density + STRAY * STRAY_DENSITY).sum())
-    return float(np.logaddexp(*evidence)) - OTHER_PENALTY
+        evidence.append(float(np.log((1 - STRAY) * density + STRAY * STRAY_DENSITY).sum()))
+    return float(np.logaddexp.reduce(evidence)) - OTHER_PENALTY
 
 
 def _log_densities(phase: FloatArray, level: FloatArray, parameters: FloatArray, share: FloatArray) -> FloatArray:
@@ -205,45 +205,81 @@ def _log_densities(phase: FloatArray, level: FloatArray, parameters: FloatArray,
     return np.concatenate([scale - 0.5 * off, stray])
 
 
+class _ClusterFit(NamedTuple):
+    """Parameters of a pattern, shape (4, n_clusters), and number of pulses and share of each cluster, (n_clusters,).
+
+    Attributes:
+        parameters: Centre, log width, level and log spread.
+        n: Number of pulses.
+        share: Share of the pulses that are not stray.
+        weight: Information of the pulses about the parameters, relative to `PRECISION` plus that information.
+        common: Shift and level of the whole pattern, shape (4, 1).
+    """
+
+    parameters: FloatArray
+    n: FloatArray
+    share: FloatArray
+    weight: FloatArray
+    common: FloatArray
+
+
+def _refit(
+    phase: FloatArray,
+    level: FloatArray,
+    parameters: FloatArray,
+    share: FloatArray,
+    typical: FloatArray,
+    pseudo: FloatArray,
+) -> _ClusterFit:
+    """Make one step of expectation maximisation, with the prior of the kind.
+
+    Each parameter is the mean of its estimate from the pulses and of its typical value, weighted by Fisher information
+    and precision of the prior.
+    """
+    density = _log_densities(phase, level, parameters, share)
+    own = np.exp(density - np.logaddexp.reduce(density))[:-1]
+    n = own.sum(axis=-1) + 1e-9
+    off = difference(phase, parameters[0][:, np.newaxis])
+    step, middle = (own * off).sum(axis=-1) / n, own @ level / n
+    squares = np.square(off - step[:, np.newaxis]), np.square(level - middle[:, np.newaxis])
+    log_width, log_spread = (0.5 * np.log((own * square).sum(axis=-1) / n + 1e-6) for square in squares)
+    estimate = np.array([parameters[0] + step, log_width, middle, log_spread])
+    information = n * np.array(
+        [np.exp(-2 * parameters[1]), np.full_like(n, 2.0), np.exp(-2 * parameters[3]), np.full_like(n, 2.0)]
+    )
+    weight = information / (information + PRECISION)
+    common = (
+        IS_COMMON * np.sum(weight * (estimate - typical), axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
+    )
+    parameters = weight * estimate + (1.0 - weight) * (typical + common)
+    return _ClusterFit(parameters, n, (n + pseudo) / (n + pseudo).sum(), weight, common)
+
+
+def _log_beta(counts: FloatArray) -> float:
+    """Return the logarithm of the multivariate beta function, by which a Dirichlet distribution is normalised."""
+    return sum(lgamma(count) for count in counts.tolist()) - lgamma(float(counts.sum()))
+
+
 def _evidence(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ...]) -> tuple[float, float]:
-    """Fit the clusters of a defect to a pattern, by expectation maximisation with the prior of its kind.
+    """Return the log evidence of a kind, integrated over its defects by Laplace's approximation, and the phase shift.
 
-    Each parameter is estimated by its mean weighted by the Fisher information of the pulses and the precision of the
-    prior. Phase shift and level of the whole pattern have flat priors, over one period and over 24 dB.
-
-    Returns:
-        Logarithm of the evidence, and phase shift.
+    Phase shift and level of the whole pattern have flat priors, over one period and over 24 dB.
     """
     share, centre_deg, width_deg, level_db, spread_db = np.array([astuple(cluster) for cluster in clusters]).T
     # an uncertain phase reference and uncertain ranges widen all clusters; assumed, by 2 degrees and 1 dB
-    widths = np.log(np.radians(np.hypot(width_deg, 2.0))), np.log(np.hypot(spread_db, 1.0))
-    typical = np.array([np.radians(centre_deg), widths[0], level_db, widths[1]])
-    precision, pseudo, is_common = DEVIATION**-2.0, SHARE_PULSES * share, np.array([[1.0], [0.0], [1.0], [0.0]])
+    log_width, log_spread = np.log(np.radians(np.hypot(width_deg, 2.0))), np.log(np.hypot(spread_db, 1.0))
+    typical, pseudo = np.array([np.radians(centre_deg), log_width, level_db, log_spread]), SHARE_PULSES * share
     shifts, levels = np.meshgrid(np.radians(np.arange(0.0, 360.0, 15.0)), np.arange(-12.0, 12.5, 4.0))
-    moves = is_common * np.array([shifts.ravel(), np.zeros(shifts.size), levels.ravel(), np.zeros(shifts.size)])
+    moves = IS_COMMON * np.array([shifts.ravel(), np.zeros(shifts.size), levels.ravel(), np.zeros(shifts.size)])
     starts = typical[..., np.newaxis] + moves[:, np.newaxis]
     density = np.logaddexp.reduce(_log_densities(phase, level, starts, share[:, np.newaxis]))
-    parameters = starts[..., density.sum(axis=-1).argmax()]
-    for _ in range(15):
-        density = _log_densities(phase, level, parameters, share)
-        own = scipy.special.softmax(density, axis=0)[:-1]
-        n = own.sum(axis=-1) + 1e-9
-        off = difference(phase, parameters[0][:, np.newaxis])
-        step, middle = (own * off).sum(axis=-1) / n, own @ level / n
-        widths = (np.square(off - step[:, np.newaxis]), np.square(level - middle[:, np.newaxis]))
-        log_width, log_spread = (0.5 * np.log((own * square).sum(axis=-1) / n + 1e-6) for square in widths)
-        estimate = np.array([parameters[0] + step, log_width, middle, log_spread])
-        information = n * np.array([np.exp(-2 * parameters[1]), 2 + 0 * n, np.exp(-2 * parameters[3]), 2 + 0 * n])
-        weight = information * precision / (information + precision)
-        common = (
-            is_common * (weight * (estimate - typical)).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
-        )
-        parameters = (information * estimate + precision * (typical + common)) / (information + precision)
-        share = (n + pseudo) / (n + pseudo).sum()
-    log_gamma = scipy.special.gammaln
-    of_shares = log_gamma(pseudo + n) - log_gamma(pseudo) - n * np.log(share)
-    of_parameters = precision * np.square(parameters - typical - common) + np.log(1 + information / precision)
-    of_common = np.log(2 * np.pi / weight[[0, 2]].sum(axis=1) / np.square([2 * np.pi, 24.0]))
-    log_likelihood = np.logaddexp.reduce(_log_densities(phase, level, parameters, share)).sum()
-    dirichlet = of_shares.sum() + log_gamma(SHARE_PULSES) - log_gamma(SHARE_PULSES + n.sum())
-    return float(log_likelihood + dirichlet - 0.5 * of_parameters.sum() + 0.5 * of_common.sum()), float(common[0, 0])
+    fit = _refit(phase, level, starts[..., density.sum(axis=-1).argmax()], share, typical, pseudo)
+    for _ in range(14):
+        fit = _refit(phase, level, fit.parameters, fit.share, typical, pseudo)
+    log_likelihood = np.logaddexp.reduce(_log_densities(phase, level, fit.parameters, fit.share)).sum()
+    of_parameters = PRECISION * np.square(fit.parameters - typical - fit.common) - np.log1p(-fit.weight)
+    precision = np.sum(PRECISION * fit.weight, axis=1)[[0, 2]]
+    of_common = np.log(2 * np.pi / precision / np.square([2 * np.pi, 24.0]))
+    of_shares = _log_beta(pseudo + fit.n) - _log_beta(pseudo) - fit.n @ np.log(fit.share)
+    evidence = log_likelihood + of_shares - 0.5 * of_parameters.sum() + 0.5 * of_common.sum()
+    return float(evidence), float(fit.common[0, 0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dirmusic.pulses.mains_offset import mains_offset_hz
-from dirmusic.pulses.phase_resolved import CORONA_IN_BOTH, KINDS, KindName, classify
+from dirmusic.pulses.phase_resolved import CORONA_IN_BOTH, KINDS, Cluster, KindName, classify
 
 NAMES: tuple[KindName, ...] = get_args(KindName)
 
@@ -18,11 +18,12 @@ def unlike(kind: KindName, half_cycles: int, rng: np.random.Generator) -> tuple[
     Unlike the model of the classifier, phases are skewed and heavy-tailed, levels are heavy-tailed, and up to 8 % of
     the pulses belong to other sources.
     """
-    clusters = KINDS[kind] if kind != "corona" else CORONA_IN_BOTH
+    clusters: tuple[Cluster, ...] = KINDS[kind] if kind != "corona" else CORONA_IN_BOTH
     if half_cycles == 1:
         clusters = (clusters[rng.integers(2)] if kind == "surface" else clusters[0],)
     if kind == "corona" and half_cycles == 2:
-        clusters = (replace(clusters[0], share=0.5), replace(clusters[1], share=0.5, level_db=rng.normal(3.0, 3.0)))
+        first, second = CORONA_IN_BOTH
+        clusters = (replace(first, share=0.5), replace(second, share=0.5, level_db=rng.normal(3.0, 3.0)))
     scatter = rng.normal(0.0, [[0.3], [0.25], [0.3], [4.0], [1.5]], (5, len(clusters)))
     share = np.array([one.share for one in clusters]) * np.exp(scatter[0])
     width_deg = np.array([one.width_deg for one in clusters]) * np.exp(scatter[1])
