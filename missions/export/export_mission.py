@@ -20,7 +20,7 @@ from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import FindingRecord, Scores
+from pdpatrol.missions.report.records import FindingRecord, Scores, SourceMatch
 
 
 def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
@@ -35,8 +35,7 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     report = make_report(log, 0.0)
     located = (*report.findings, *report.candidates)
     facts = [_facts(finding, report.evaluation) for finding in located]
-    columns = FINDING_COLUMNS if report.evaluation is None else {**FINDING_COLUMNS, **SCORE_COLUMNS}
-    table = pd.DataFrame(facts, columns=list(columns))
+    table = pd.DataFrame(facts, columns=list(FINDING_COLUMNS))
     writers: dict[str, Callable[[Path], object]] = {
         "findings.csv": partial(table.to_csv, index=False),
         "steps.parquet": partial(_steps(log).to_parquet, index=False),
@@ -101,35 +100,21 @@ FINDING_COLUMNS = {
     "n_bearings": "n_bearings",
     "first_detected_s": "first_detected_s",
     "confirmed_s": "confirmed_s",
-}
-"""Columns of findings.csv, and the place of each value in a finding of report.json."""
-
-
-SCORE_COLUMNS = {
-    "true_source": "name",
-    "true_site": "true_site",
-    "true_x_m": "true_position_m.0",
-    "true_y_m": "true_position_m.1",
-    "true_z_m": "true_position_m.2",
-} | {
-    f"true_{name}": f"match.{name}"
-    for name in (
-        "error_m", "height_error_m", "mahalanobis2_2d", "mahalanobis2_3d", "log_score", "right_site", "site_log_score",
-    )
-}  # fmt: skip
-"""Further columns where the truth is known, and the place of each value in a source of `Report.evaluation`."""
+    "true_source": "source.name",
+    "true_site": "source.true_site",
+    "true_x_m": "source.true_position_m.0",
+    "true_y_m": "source.true_position_m.1",
+    "true_z_m": "source.true_position_m.2",
+} | {f"true_{name}": f"source.match.{name}" for name in SourceMatch.model_fields if name != "finding_id"}
+"""Columns of findings.csv, and the place of each value in a finding of report.json, or in its `source` of `evaluation`.
+"""
 
 
 def _facts(finding: FindingRecord, scores: Scores | None) -> dict[str, Any]:
-    """Return the values of all columns, rounded as in report.json; None for unknown ones, such as of a false finding.
-
-    `SCORE_COLUMNS` are omitted if the truth is not known.
-    """
-    records = [(finding.model_dump(mode="json"), FINDING_COLUMNS)]
-    if scores is not None:
-        own = [source for source in scores.sources if source.match and source.match.finding_id == finding.id]
-        records.append((own[0].model_dump(mode="json") if own else {}, SCORE_COLUMNS))
-    return {name: _value(record, place.split(".")) for record, columns in records for name, place in columns.items()}
+    """Return the values of `FINDING_COLUMNS`, rounded as in report.json; None for unknown ones."""
+    own = [each for each in scores.sources if each.match and each.match.finding_id == finding.id] if scores else []
+    record = finding.model_dump(mode="json") | {"source": own[0].model_dump(mode="json") if own else None}
+    return {name: _value(record, place.split(".")) for name, place in FINDING_COLUMNS.items()}
 
 
 def _value(part: Any, keys: Iterable[str]) -> Any:  # noqa: ANN401 - a part of JSON data

@@ -129,6 +129,44 @@ def cluster_bootstrap(
     return Estimate(value, *map(float, result.confidence_interval))
 
 
+SHARES = {
+    "found (%)": ("n_found", "n_sources"),
+    "within 0.3 m (%)": ("n_near", "n_sources"),
+    "right site (%)": ("n_right_site", "n_found"),
+    "wrong live (%)": ("n_wrong_confirmations", "n_confirmations"),
+}
+"""Shares in a summary, each the ratio of the sums of two columns."""
+
+COVERAGES = {
+    f"{COVERAGE} {n}-D {100 * share:g} %{low}": (n, share, low) for low, n, share in product(("", LOW), (2, 3), LEVELS)
+}
+"""Dimension, stated share and restriction of each coverage in a summary."""
+
+SHARES |= {name: (name, "n_low" if low else "n_found") for name, (_, _, low) in COVERAGES.items()}
+
+STATISTICS = {
+    "bearing RMSE (deg)": ("bearing_rmse_deg", root_mean_square),
+    "median error (m)": ("errors_m", np.nanmedian),
+    "log score": ("log_scores", np.nanmean),
+    "site log score": ("site_log_scores", np.nanmean),
+    "time to confirm (s)": ("confirmed_s", np.nanmedian),
+    "path length over shortest": ("path_ratio", np.nanmedian),
+    "distance (m)": ("distance_m", np.nanmean),
+    "OSPA (m)": ("ospa_m", np.nanmean),
+}
+"""Statistics in a summary, each of a column of numbers or lists of numbers."""
+
+COUNTS = {
+    "false": "false_findings",
+    "confirmed live": "n_confirmations",
+    "wrong live (s)": "wrong_s",
+    "certified": "n_certified",
+    "false all-clear": "n_false_all_clear",
+    "contacts": "contacts",
+    "missed": "waypoints_missed",
+}
+"""Totals in a summary, each of a column."""
+
 Summary = dict[str, "str | int | Estimate"]
 
 
@@ -146,30 +184,58 @@ def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
         For each group its name, `policy`, `settings` (JSON), `missions`, and:
 
         - `unfinished`: missions that failed, hung, ran out of memory or died; no other figure includes them
-        - `bearing RMSE (deg)`: over missions with a single source
         - `found (%)`, `within 0.3 m (%)`: share of all sources that were found, and found with at most that error
-        - `median error (m)` and its 95 % quantile `95 % below (m)`: distances of findings from their sources
-        - `log score`: mean of minus the logarithm of the density stated for the position, over the found sources
         - `right site (%)`: share of the found sources whose finding names the right site first
-        - `site log score`: mean of minus the logarithm of the probability stated for the site
+        - `wrong live (%)`, `wrong live (s)`: share of the findings confirmed at any time, `confirmed live`, that were
+          shown at a wrong place for more than 2 s, and the total time of that
+        - `bearing RMSE (deg)`: over missions with a single source
+        - `median error (m)` and its 95 % quantile `95 % below (m)`: distances of findings from their sources
+        - `log score`, `site log score`: mean of minus the logarithm of what was stated for the true position and site
         - `time to confirm (s)`: median time of the first right confirmation of a source
         - `path length over shortest`: median ratio of the path length until all sources were confirmed to the shortest
           one, over missions that found all sources and did not start within reach of them
-        - `OSPA (m)`: mean OSPA distance between findings and sources
+        - `distance (m)`, `OSPA (m)`: mean path length, and mean OSPA distance between findings and sources
         - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
           not visited
-        - `confirmed live`, `wrong live (%)`, `wrong live (s)`: number of findings that were confirmed at any time,
-          share of those that were shown at a wrong place for more than 2 s, and the total time of that
         - `certified`, `false all-clear`: sites listed as inspected, and those of them with a source that was not found
-        - `coverage 2-D 50 %` to `coverage 3-D 99.9 %`: share of the found sources in the ellipse and the ellipsoid that
-          are stated to hold this share; with `below 1.5 m`, over the sources below that height
+        - `COVERAGES`: share of the found sources in the ellipse or ellipsoid that is stated to hold a share
     """
-    rows = rows.assign(group="" if pool else level_or_scenario(rows))
+    rows = _with_derived(rows.assign(group="" if pool else level_or_scenario(rows)))
     if rows["group"].nunique() > 1 and (rows["suite"] != "").all():
         rows = pd.concat([rows, rows.assign(group=ALL)])
     names = ["group", "policy", "settings"]
     groups = rows.groupby(names, sort=False)
     return [{**dict(zip(names, values, strict=True)), **_summarise(members)} for values, members in groups]
+
+
+def _with_derived(missions: Frame) -> Frame:
+    """Add columns that follow from others, among them the number of sources that each coverage counts."""
+    missions = missions.reset_index(drop=True)
+    sources = missions[["true_heights_m", "mahalanobis2_2d", "mahalanobis2_3d"]]
+    sources = sources.explode(list(sources)).astype(np.float64)
+    is_low = sources["true_heights_m"] < LOW_M
+    inside = {
+        name: (sources[f"mahalanobis2_{n}d"] <= stats.chi2.ppf(share, n)) & (is_low | (not low))
+        for name, (n, share, low) in COVERAGES.items()
+    }
+    return missions.assign(
+        path_ratio=missions["found_all_m"] / missions["shortest_m"],
+        bearing_rmse_deg=np.degrees(missions["bearing_rmse_rad"].astype(np.float64)),
+        n_near=missions["errors_m"].map(lambda errors_m: np.sum(np.asarray(errors_m) <= NEAR_M)),
+        **{name: values.groupby(level=0).sum() for name, values in {"n_low": is_low, **inside}.items()},
+    )
+
+
+def _summarise(missions: Frame) -> Summary:
+    finished = missions[missions["status"] == "finished"]
+    return {
+        "missions": len(missions),
+        "unfinished": len(missions) - len(finished),
+        **{name: percentage_of(finished, *columns) for name, columns in SHARES.items()},
+        **{name: statistic_of(finished, *arguments) for name, arguments in STATISTICS.items()},
+        "95 % below (m)": Estimate(float(_numbers(finished, "errors_m").quantile(0.95))),
+        **{name: round(finished[column].sum()) for name, column in COUNTS.items()},
+    }
 
 
 def level_or_scenario(rows: Frame) -> Frame:
@@ -197,55 +263,6 @@ def statistic_of(missions: Frame, column: str, statistic: Callable[..., Any]) ->
 def _numbers(missions: Frame, column: str) -> Frame:
     """Return each number of a column of numbers or lists as a `pandas.Series`; NaN for null and empty lists."""
     return missions[column].explode().astype(np.float64)
-
-
-def _summarise(missions: Frame) -> Summary:
-    finished = missions[missions["status"] == "finished"]
-    finished = finished.assign(
-        path_ratio=finished["found_all_m"] / finished["shortest_m"],
-        bearing_rmse_deg=np.degrees(finished["bearing_rmse_rad"].astype(np.float64)),
-        n_near=_n_near(finished),
-    )
-    counts = {
-        "false": "false_findings", "contacts": "contacts", "missed": "waypoints_missed",
-        "confirmed live": "n_confirmations", "wrong live (s)": "wrong_s", "certified": "n_certified",
-        "false all-clear": "n_false_all_clear",
-    }  # fmt: skip
-    return {
-        "missions": len(missions),
-        "unfinished": len(missions) - len(finished),
-        "bearing RMSE (deg)": statistic_of(finished, "bearing_rmse_deg", root_mean_square),
-        "found (%)": percentage_of(finished, "n_found", "n_sources"),
-        "within 0.3 m (%)": percentage_of(finished, "n_near", "n_sources"),
-        "median error (m)": statistic_of(finished, "errors_m", np.nanmedian),
-        "95 % below (m)": Estimate(float(_numbers(finished, "errors_m").quantile(0.95))),
-        "log score": statistic_of(finished, "log_scores", np.nanmean),
-        "right site (%)": percentage_of(finished, "n_right_site", "n_found"),
-        "site log score": statistic_of(finished, "site_log_scores", np.nanmean),
-        "time to confirm (s)": statistic_of(finished, "confirmed_s", np.nanmedian),
-        "path length over shortest": statistic_of(finished, "path_ratio", np.nanmedian),
-        "OSPA (m)": statistic_of(finished, "ospa_m", np.nanmean),
-        "wrong live (%)": percentage_of(finished, "n_wrong_confirmations", "n_confirmations"),
-        **{name: round(finished[column].sum()) for name, column in counts.items()},
-        **_coverages(finished),
-    }
-
-
-def _n_near(missions: Frame) -> Frame:
-    """Return the number of sources of each mission that were found within `NEAR_M`."""
-    return missions["errors_m"].map(lambda errors_m: int((np.asarray(errors_m) <= NEAR_M).sum()))
-
-
-def _coverages(missions: Frame) -> dict[str, Estimate]:
-    """Return the coverage of each stated share in percent, in 2-D and 3-D, over all sources and over the low ones."""
-    lists = ["true_heights_m", "mahalanobis2_2d", "mahalanobis2_3d"]
-    sources = missions[["scenario", "key", *lists]].explode(lists).dropna()
-    coverages: dict[str, Estimate] = {}
-    for of, members in (("", sources), (LOW, sources[sources["true_heights_m"] < LOW_M])):
-        for n, share in product((2, 3), LEVELS):
-            inside = members.assign(inside=members[f"mahalanobis2_{n}d"] <= stats.chi2.ppf(share, n), one=1)
-            coverages[f"{COVERAGE} {n}-D {100 * share:g} %{of}"] = percentage_of(inside, "inside", "one")
-    return coverages
 
 
 def pair_up(rows: Frame, first: str, second: str) -> tuple[Frame, Frame]:
@@ -336,33 +353,15 @@ def _compare(first: Frame, second: Frame) -> list[Difference]:
 
 def _measures(missions: Frame) -> Frame:
     """Return the measures of a paired comparison for each mission, with its index; NaN where it has none."""
-    index, missions = missions.index, missions.reset_index(drop=True)
-
-    def mean(numbers: Frame) -> Frame:
-        return numbers.groupby(level=0).mean()
-
-    distance2 = {n: _numbers(missions, f"mahalanobis2_{n}d") for n in (2, 3)}
-    columns = {
-        "found (%)": 100.0 * missions["n_found"] / missions["n_sources"],
-        "within 0.3 m (%)": 100.0 * _n_near(missions) / missions["n_sources"],
-        "error (m)": mean(_numbers(missions, "errors_m")),
-        **{
-            f"{COVERAGE} {n}-D 95 %": 100.0 * mean((d2 <= stats.chi2.ppf(0.95, n)).astype(float).where(d2.notna()))
-            for n, d2 in distance2.items()
-        },
-        "log score": mean(_numbers(missions, "log_scores")),
-        "right site (%)": 100.0 * missions["n_right_site"] / missions["n_found"],
-        "site log score": mean(_numbers(missions, "site_log_scores")),
-        "time to confirm (s)": mean(_numbers(missions, "confirmed_s")),
-        "OSPA (m)": missions["ospa_m"],
-        "false": missions["false_findings"],
-        "wrong live": missions["n_wrong_confirmations"],
-        "wrong live (s)": missions["wrong_s"],
-        "certified": missions["n_certified"],
-        "false all-clear": missions["n_false_all_clear"],
-        "distance (m)": missions["distance_m"],
+    index, missions = missions.index, _with_derived(missions)
+    names = [name for name in SHARES if name not in COVERAGES or COVERAGES[name][1] == CONFIDENCE]
+    shares = {name: 100.0 * missions[SHARES[name][0]] / missions[SHARES[name][1]] for name in names}
+    means = {
+        name.removeprefix("median "): _numbers(missions, column).groupby(level=0).mean()
+        for name, (column, _) in STATISTICS.items()
     }
-    return pd.DataFrame(columns).set_index(index)
+    counts = {name: missions[column] for name, column in COUNTS.items()}
+    return pd.DataFrame(shares | means | counts).set_index(index)
 
 
 def difference(name: str, values: FloatArray) -> Difference:

@@ -78,6 +78,14 @@ def test_findings_csv_agrees_with_the_report(folder: Path, log: MissionLog) -> N
     assert rows["id"].tolist() == [finding.id for finding in expected]
     np.testing.assert_allclose(rows[["x_m", "y_m", "z_m"]], [finding.position_m for finding in expected], atol=1e-3)
     assert rows["site"][0] == expected[0].sites[0].name
+    sources = {source.match.finding_id: source for source in report.scores.sources if source.match}
+    assert rows.loc[rows["true_source"].notna(), "id"].tolist() == list(sources) != []
+    for row in rows.to_dict("records"):
+        if source := sources.get(row["id"]):
+            assert (row["true_source"], row["true_site"]) == (source.name, source.true_site)
+            assert source.match is not None
+            for name, value in source.match.model_dump(mode="json", exclude={"finding_id"}).items():
+                assert row[f"true_{name}"] == value, name
 
 
 def test_parquet_has_all_steps_and_pulses(folder: Path, log: MissionLog) -> None:
