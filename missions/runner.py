@@ -17,8 +17,10 @@ from threadpoolctl import threadpool_limits
 from dirmusic import ArrayModel, Locator
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from pdpatrol.envs import Scenario
+from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
+from pdpatrol.missions.driving.registration import Registration, observed_on_map
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.policies.make_policy import Oracle, OwnPolicy, make_policy
@@ -74,6 +76,7 @@ class Mission:
     Attributes:
         env: The environment.
         site_map: The map that the policy gets.
+        registration: Estimator of the frame of the localisation, by which poses are corrected.
         policy: The policy.
         log: The log so far.
         n_visited: Number of waypoints visited so far.
@@ -98,6 +101,7 @@ class Mission:
         scenario = with_planned_route(scenario)
         self.env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
         self.site_map = SiteMap(scenario)
+        self.registration = Registration(scenario, self.site_map.yard)
         self.folder = folder
         self.stopwatch = stopwatch or Stopwatch()
         self.is_over = False
@@ -105,7 +109,7 @@ class Mission:
         self.n_visited = 0
         simulation = self.env.simulation
         locator = make_locator(scenario, self.site_map, simulation.array)
-        self._observation, info = self.env.reset(seed=seed)
+        observation, info = self.env.reset(seed=seed)
         self.policy = make_policy(policy, simulation.generators[0].policy)
         self._happened: list[tuple[EventKind, str, int, str]] = []
         self.log = MissionLog(self._meta(scenario, policy, seed, info))
@@ -119,6 +123,7 @@ class Mission:
         )
         if isinstance(self.policy, Oracle | OwnPolicy):
             self.policy.reveal(info["truth"])
+        self._observation, _, _ = self._localise(observation, info)
 
     @property
     def time_s(self) -> float:
@@ -164,6 +169,16 @@ class Mission:
                 after_step(self)
         return self.log
 
+    def _localise(self, observation: Observation, info: dict[str, Any]) -> tuple[Observation, FloatArray, bool]:
+        """Return observation and pose (3,) on the map, and whether the frame of the localisation was estimated anew.
+
+        No other code corrects poses.
+        """
+        localised = info["believed_pose"]
+        is_new = self.registration.update(info["time_s"], localised, observation["lidar"])
+        frame = self.registration.frame
+        return observed_on_map(observation, frame), frame.on_map(localised), is_new
+
     def step(self) -> None:
         """Run one control step: decide, drive, detect, locate, and log all of it."""
         on = self.stopwatch.on
@@ -173,11 +188,13 @@ class Mission:
             self.end("policy done")
             return
         with on("environment"):
-            self._observation, _, terminated, truncated, info = self.env.step(action)
+            observation, _, terminated, truncated, info = self.env.step(action)
+        with on("registration"):
+            self._observation, pose, is_new_frame = self._localise(observation, info)
         self.log.append(
             "step",
             time_s=info["time_s"],
-            pose=info["believed_pose"],
+            pose=pose,
             true_pose=info["true_pose"],
             odometry=info["odometry"],
             battery=info["battery"],
@@ -185,11 +202,18 @@ class Mission:
             phase=self.policy.phase.name,
             phase_target=self.policy.phase.target,
         )
-        self.log.append("scan", step=self.log.last_step, range_m=np.round(self._observation["lidar"], 3))
+        self.log.append(
+            "scan",
+            step=self.log.last_step,
+            localised_pose=info["believed_pose"],
+            range_m=np.round(observation["lidar"], 3),
+        )
+        if is_new_frame:
+            self._log_frame()
         for suspect in info["suspects"]:
             self.log.event("channel fault", f"{suspect}: not used from here on")
         with on("locating"):
-            self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
+            self._tracker.track(info["time_s"], pose, info["pulses"])
         self._log_events(info)
         if self.folder is not None and self.log.n_rows("step") % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
@@ -216,6 +240,13 @@ class Mission:
     def _fail(self, error: UserCodeError) -> None:
         self.error = error
         self.log.event("error", str(error))
+
+    def _log_frame(self) -> None:
+        """Log the estimated frame of the localisation, and once that it disagrees with the map."""
+        frame = self.registration.frame
+        self.log.append("frame", step=self.log.last_step, offset=frame.offset, covariance=frame.covariance)
+        if (text := self.registration.disagreement) and "frame" not in self.log.column("event", "kind"):
+            self.log.event("frame", text)
 
     def _log_events(self, info: dict[str, Any]) -> None:
         """Log contacts, visited waypoints and waypoints given up, each in the step in which it begins."""

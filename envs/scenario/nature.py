@@ -51,8 +51,8 @@ class TruePoseConfig(Config):
 
     def applied_to(self, believed: PoseSensorConfig) -> PoseSensorConfig:
         """Return the believed pose sensor with the true deviations and correlation time."""
-        keys = PoseSensorConfig.model_fields
-        return believed.model_copy(update={key: getattr(self, key) for key in keys if getattr(self, key) is not None})
+        own = self.model_dump(include=set(PoseSensorConfig.model_fields), exclude_none=True)
+        return believed.model_copy(update=own)
 
     @property
     def jump_std(self) -> FloatArray:

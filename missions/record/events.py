@@ -11,6 +11,7 @@ EventKind = Literal[
     "clipped",
     "channel fault",
     "calibration",
+    "frame",
     "candidate",
     "confirmed",
     "outside",

@@ -20,7 +20,7 @@ from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.events import EventKind
 
-SCHEMA = 5
+SCHEMA = 6
 
 TABLES: dict[str, dict[str, str]] = {
     "step": {
@@ -48,7 +48,13 @@ TABLES: dict[str, dict[str, str]] = {
     },
     "scan": {  # lidar; empty for field data
         "step": "i8",
+        "localised_pose": "3f8",  # pose of the localisation, of which `step.pose` is corrected by the frame
         "range_m": "(0,)f4",  # one value per beam, first ahead, then counter-clockwise; see `meta`
+    },
+    "frame": {  # of the localisation against the map; see `dirmusic.frame.FrameEstimate`; empty for field data
+        "step": "i8",
+        "offset": "3f8",  # displacement x m, y m and rotation rad about the dock; zeros while poses are not corrected
+        "covariance": "(3,3)f8",
     },
     "finding": {
         "step": "i8",

@@ -65,7 +65,10 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         pulses=count_pulses(log),
         channel_faults=_events(events, "channel fault"),
         calibration=_events(events, "calibration"),
-        notes=(*_events(events, "note", "rejected", "error"), *([CLOCK_NOTE.format(offset_hz)] if offset_hz else [])),
+        notes=(
+            *_events(events, "note", "frame", "rejected", "error"),
+            *([CLOCK_NOTE.format(offset_hz)] if offset_hz else []),
+        ),
         findings=findings,
         candidates=tuple(finding for finding in found if finding.state != "confirmed"),
         inspection=inspection,
