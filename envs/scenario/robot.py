@@ -61,12 +61,12 @@ class PoseSensorConfig(Config):
     position_std_m: MetreError = 0.05
     heading_std_deg: AngleError = 0.5
     correlation_s: CorrelationTime = 5.0
-    frame_offset_std_m: Annotated[float, Field(ge=0.0, le=1.0), PLAIN_ZERO] = 0.3
+    frame_offset_std_m: Annotated[float, Field(ge=0.01, le=1.0)] = 0.3
     """Standard deviation, along x and along y, of the displacement of the localisation's frame against the map.
 
-    Assumed, as its rotation: a frame aligned by hand with a drawing. Scans of the lidar determine the frame much better,
-    so both matter little."""
-    frame_rotation_std_deg: Annotated[float, Field(ge=0.0, le=3.0), PLAIN_ZERO] = 1.0
+    Assumed, as its rotation: a frame aligned by hand with a drawing. Both matter little, because scans of the lidar
+    determine the frame much better."""
+    frame_rotation_std_deg: Annotated[float, Field(ge=0.01, le=3.0)] = 1.0
     """Standard deviation of the rotation of that frame about the dock."""
 
     @property

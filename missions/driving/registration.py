@@ -12,7 +12,8 @@ distance from the outline that the map shows is, linearised,
 
 with the normal :math:`n_i`, the frame :math:`x = (o, \theta)`, the pose error :math:`e_k` of the scan, and the
 displacement :math:`d_j` on the map of the piece j. The prior of :math:`d_j` is a Student t distribution, so that pieces
-that the map shows at a wrong place lose their weight.
+that the map shows at a wrong place lose their weight. Its scale, the accuracy of the map, is estimated as well; the
+stated accuracy counts as much as one piece.
 
 The sum of the information of all scans is kept, without past pose errors, which are marginalised exactly. The scans are
 kept as well: when the frame moves, their points are associated with outlines again.
@@ -28,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import inv
 from scipy.ndimage import distance_transform_edt
 from scipy.special import logsumexp
 
@@ -45,9 +47,8 @@ SCAN_PERIOD_S = 5.0
 """Time between the scans that are used. Assumed; the default correlation time of the pose error, which makes closer
 scans nearly redundant."""
 
-PIECE_STD_M = 0.05
-"""Scale of the displacements of pieces on the map. Assumed; the stated deviations are about proportional to it in yards
-with few pieces."""
+LEAST_ACCURACY_M = 0.01
+"""Smallest standard deviation of the displacements of pieces. Assumed; the precision of their coordinates."""
 
 SURFACE_STD_M = 0.02
 """Standard deviation of end points about a known outline from a known pose, besides the noise of the lidar. Assumed;
@@ -179,10 +180,15 @@ class Registration:
         self._noise_variance = scenario.lidar.range_std_m**2 + SURFACE_STD_M**2
         self._pose_variance = np.square(np.maximum(sensor.std, 1e-4))
         self._correlation = sensor.correlation
-        self._prior_variance = np.square(np.maximum(sensor.frame_std, 1e-6))
+        # offset, rotation and each piece have a Student t prior: state variables, squared scale, and mean square
+        n_pieces, self._accuracy_m2 = self._outlines.n_pieces, max(scenario.map.accuracy_m, LEAST_ACCURACY_M) ** 2
+        self._group = np.append([0, 0, 1], np.repeat(2 + np.arange(n_pieces), 2))
+        self._scale2 = np.append(np.square(sensor.frame_std[1:]), np.full(n_pieces, self._accuracy_m2))
+        self._square = np.bincount(self._group) * self._scale2
+        self._unknown: FloatArray = np.diag(np.square(sensor.frame_std))
+        self._mean: FloatArray = np.zeros(3)
+        self._covariance: FloatArray = self._unknown
         self._scans: list[LidarScan] = []
-        self._piece_square_m2 = np.full(self._outlines.n_pieces, 2.0 * PIECE_STD_M**2)
-        self._mean, self._covariance = np.zeros(3), np.diag(self._prior_variance)
         self._is_found = False
         self.frame = FrameEstimate(np.array(scenario.route.dock_m), self._mean, self._covariance)
         self._linearise_at(self._mean)
@@ -228,9 +234,10 @@ class Registration:
         """Set the frame from mean and covariance."""
         mean, covariance = self._mean, self._covariance
         if not self._is_found:
-            mean, covariance = np.zeros(3), np.diag(self._prior_variance)
-        if not self.frame.is_applied and mean @ np.linalg.solve(covariance, mean) < SIGNIFICANT:
-            mean, covariance = np.zeros(3), covariance + mean[:, np.newaxis] * mean
+            mean, covariance = np.zeros(3), self._unknown
+        if not self.frame.is_applied and mean @ np.linalg.inv(covariance) @ mean < SIGNIFICANT:
+            column = mean[:, np.newaxis]
+            mean, covariance = np.zeros(3), covariance + column @ column.T
         self.frame = FrameEstimate(self.frame.pivot_m, mean, covariance)
 
     def _on_map(self, scan: LidarScan, frames: FloatArray) -> FloatArray:
@@ -242,7 +249,8 @@ class Registration:
         """Linearise at the best frame of a grid if it is better than the present one; note whether it stands out."""
         grid = np.stack(np.meshgrid(SEARCH_M, SEARCH_M, SEARCH_RAD), axis=-1).reshape(-1, 3)
         frames = np.vstack([self._mean, grid])
-        score = -0.5 * (np.square(frames) / self._prior_variance).sum(axis=-1)
+        square = np.stack([np.square(frames[:, :2]).sum(axis=-1), np.square(frames[:, 2])], axis=-1)
+        score = -0.5 * np.log1p(square / (FREEDOM * self._scale2[:2])) @ (FREEDOM + np.array([2.0, 1.0]))
         for k in np.unique(np.linspace(0, len(self._scans) - 1, SEARCH_SCANS).astype(int)):
             distance_m = self._outlines.rough_distance(self._on_map(self._scans[k], frames))
             likelihood = np.exp(-0.5 * np.square(distance_m / SEARCH_STD_M)) + SEARCH_OUTLIERS
@@ -292,10 +300,11 @@ class Registration:
         rows[:, 2] = -(normal * turned(place_m - self.frame.pivot_m)).sum(axis=-1)
         rows[:, 5] = -(normal * turned(arm_m)).sum(axis=-1)
         rows[row, 6 + 2 * piece], rows[row, 7 + 2 * piece] = -normal.T
-        expected_m2 = self._noise_variance + PIECE_STD_M**2 + np.square(rows[:, 3:6]) @ self._pose_variance
+        expected_m2 = self._noise_variance + self._scale2[-1] + np.square(rows[:, 3:6]) @ self._pose_variance
         weight = (FREEDOM + 1.0) / (FREEDOM + np.square(distance_m) / expected_m2) / self._noise_variance
-        self._information += rows.T @ (weight[:, np.newaxis] * rows)
-        self._vector -= rows.T @ (weight * distance_m)
+        information, vector = self._information, self._vector
+        information += rows.T @ (weight[:, np.newaxis] * rows)
+        vector -= rows.T @ (weight * distance_m)
 
     def _predict(self, time_s: float) -> None:
         """Replace the pose error in the state by that at a later time, and marginalise the former."""
@@ -314,18 +323,24 @@ class Registration:
         vector -= cross @ inverse @ pull
 
     def _solve(self) -> None:
-        """Solve for mean and covariance of the frame, and update the scales of the pieces: a step of EM."""
-        known = np.union1d(np.arange(3), np.flatnonzero(self._information.diagonal()))
-        base, precision = np.zeros(self._vector.size), np.zeros(self._vector.size)
-        base[:3], precision[:3] = self._at, 1.0 / self._prior_variance
-        precision[6:] = np.repeat((FREEDOM + 2.0) / (FREEDOM * PIECE_STD_M**2 + self._piece_square_m2), 2)
-        information = self._information + np.diag(precision)
-        covariance = np.linalg.inv(information[np.ix_(known, known)])
-        change, square_m2 = np.zeros(base.size), np.full(base.size, PIECE_STD_M**2)
+        """Solve for mean and covariance of the frame, and take a step of expectation maximisation for the scales."""
+        is_known = self._information.diagonal() > 0.0
+        is_known[:3] = True
+        known, with_prior = np.flatnonzero(is_known), np.delete(np.arange(is_known.size), [3, 4, 5])
+        base, precision, variance, change = np.zeros((4, is_known.size))
+        base[:3], precision[with_prior] = self._at, (self._weights() / self._scale2)[self._group]
+        covariance = inv((self._information + np.diag(precision))[np.ix_(known, known)])
         change[known] = covariance @ (self._vector - precision * base)[known]
-        square_m2[known] = np.square(change[known]) + covariance.diagonal()
-        self._piece_square_m2 = square_m2[6:].reshape(-1, 2).sum(axis=-1)
+        variance[with_prior], variance[known] = self._scale2[self._group], covariance.diagonal()
         self._mean, self._covariance = self._at + change[:3], covariance[:3, :3]
+        self._square = np.bincount(self._group, (np.square(base + change) + variance)[with_prior])
+        is_seen = is_known[6::2]
+        seen_m2 = 0.5 * (self._weights() * self._square)[2:][is_seen].sum()
+        self._scale2[2:] = (self._accuracy_m2 + seen_m2) / (1 + is_seen.sum())
+
+    def _weights(self) -> FloatArray:
+        """Return the mean precisions of the variables with a prior, relative to their scale."""
+        return (FREEDOM + np.bincount(self._group)) / (FREEDOM + self._square / self._scale2)
 
 
 def observed_on_map(observation: Observation, frame: FrameEstimate) -> Observation:

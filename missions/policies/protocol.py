@@ -32,7 +32,7 @@ class Policy(Protocol):
     **Call.** `policy(observation, findings, site_map) -> action`, once per control step of 0.1 s:
 
     - `observation`: the sensor readings, see `pdpatrol.envs.patrol_env.PatrolEnv`; `believed_pose` and `time_of` read
-      pose and time.
+      pose and time. In missions, `pose` and `bearing` are corrected by the estimated frame of the localisation.
     - `findings`: the Locator's findings so far, each a `dirmusic.Finding`; findings with `state == "candidate"`
       need more bearings.
     - `site_map`: the operator's plan (`pdpatrol.missions.driving.site_map.SiteMap`): yard, route, task, free ground,

@@ -59,9 +59,9 @@ def test_damaged_log_is_refused_or_unchanged(mission: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"meta": np.array("{}")}, "is not the log of a mission .no metadata of schema 5"),
+        ({"meta": np.array("{}")}, "is not the log of a mission .no metadata of schema 6"),
         ({"meta": np.array({"schema": 5})}, "Object arrays cannot be loaded"),
-        ({"meta": np.array('{"schema": 3}')}, "no metadata of schema 5, which this version reads"),
+        ({"meta": np.array('{"schema": 3}')}, "no metadata of schema 6, which this version reads"),
         ({"x": np.array(1)}, "meta is not a file in the archive"),
     ],
 )
