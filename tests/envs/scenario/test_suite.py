@@ -13,7 +13,12 @@ from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
 
 FloatArray = NDArray[np.float64]
 
-NOT_FROZEN = {"estimator": True, "locating": True, "map": {"accuracy_m": True}}
+NOT_FROZEN = {
+    "estimator": True,
+    "locating": True,
+    "map": {"accuracy_m": True},
+    "pose_sensor": {"frame_offset_std_m": True, "frame_rotation_std_deg": True},
+}
 """Tables and keys of beliefs that the files omit, so that the defaults of the code apply."""
 
 
