@@ -75,8 +75,8 @@ on an outline. Assumed; the search only selects where to linearise."""
 
 SIGNIFICANT = 21.1
 """Squared Mahalanobis distance of the frame from zero at which poses are corrected: the chi-square quantile of three
-degrees of freedom that is exceeded with probability 1e-4. In 240 sound missions with a correct map the largest value was
-12.6, with pieces 0.15 m off 22 (measured)."""
+degrees of freedom that is exceeded with probability 1e-4. The largest of 240 sound missions was 12.6 with a correct map
+and 22 with pieces 0.15 m off (measured)."""
 
 DISAGREEMENT_M, DISAGREEMENT_STD_RAD = 0.2, np.radians(0.25)
 """Smallest displacement anywhere in the yard that is reported, and largest standard deviation of the rotation at that
