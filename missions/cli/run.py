@@ -125,5 +125,9 @@ def _summary(report: Report) -> list[str]:
         if numbers:
             lines.append(f"waypoints {kind}: {', '.join(map(str, numbers))}")
     scores = report.scores
-    found = f"{len(scores.matches)} of {len(scores.sources)} sources found"
-    return [*lines, f"{found}, {scores.false_findings} false findings"]
+    found = f"{len(scores.matches)} of {len(scores.sources)} sources found, {scores.false_findings} false findings"
+    lines.append(f"{found}; {scores.wrong_confirmations} of {scores.confirmations} confirmations were wrong")
+    lines += [
+        f"false all-clear: {site} was inspected, but its source was not found" for site in scores.false_all_clears or ()
+    ]
+    return lines
