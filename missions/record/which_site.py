@@ -25,7 +25,7 @@ LAYER_M = 0.125
 """Distance from a surface within which a place is on the piece of equipment. Assumed."""
 
 ON_SITE_M = 0.1
-"""Distance from a site within which a true source is on it. Sources are drawn exactly on sites, or at least 0.5 m away.
+"""Distance from a site within which a true source is on it. Sources are drawn exactly on sites, or at least 0.3 m away.
 """
 
 
