@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from dirmusic.arrays import FloatArray
+from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.missions.record.log_contents import known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import true_place
@@ -48,7 +49,8 @@ def score_mission(
     yard, known = true_yard(log), known_yard(log)
     if yard is None or known is None:
         return None
-    truths, configs = log.meta["truth"]["sources"], log.meta["scenario"]["sources"]
+    truths = log.meta["truth"]["sources"]
+    configs = [SourceConfig.model_validate(config, strict=False) for config in log.meta["scenario"]["sources"]]
     true_m = np.array([source["position_m"] for source in truths]).reshape(-1, 3)
     found_m = np.array([finding.position_m for finding in findings]).reshape(-1, 3)
     partner, ospa_m = pair_findings(found_m, true_m)
@@ -182,21 +184,22 @@ def _score_live(log: MissionLog, true_m: FloatArray, begin_s: FloatArray) -> Liv
     )
 
 
-def _activity_s(config: Mapping[str, Any]) -> tuple[float, float]:
-    """Return start and end of the activity of a source of the scenario."""
-    begin_s, end_s = config["active_s"] or (0.0, np.inf)
-    if config["n_shots"]:
-        first_s = config["first_shot_s"]
-        return max(begin_s, first_s), min(end_s, first_s + config["n_shots"] / config["pulse_rate_hz"])
+def _activity_s(config: SourceConfig) -> tuple[float, float]:
+    """Return start and end of the activity of a source, without its pauses."""
+    begin_s, end_s = config.active_s or (0.0, np.inf)
+    if config.n_shots is not None:
+        begin_s = max(begin_s, config.first_shot_s)
+        end_s = min(end_s, config.first_shot_s + config.n_shots / config.pulse_rate_hz)
     return begin_s, end_s
 
 
 def _is_excluded(
-    truth: Mapping[str, Any], config: Mapping[str, Any], time_s: FloatArray, level_db: float, rate_hz: float
+    truth: Mapping[str, Any], config: SourceConfig, time_s: FloatArray, level_db: float, rate_hz: float
 ) -> bool:
     """Return whether an all-clear of a level and rate states that a source is not there.
 
-    That is so if it emits pulses of at least that level, averaged over the mission, at least at that rate.
+    That is so if it emits pulses of at least that level at least at that rate, averaged over the mission and, with a
+    duty cycle, over the random pauses.
 
     Args:
         truth: The source as drawn.
@@ -206,7 +209,15 @@ def _is_excluded(
         rate_hz: Stated rate, pulses per second.
     """
     begin_s, end_s = _activity_s(config)
-    true_db = 20.0 * np.log10(truth["amplitude_v"]) + config["drift_db_per_min"] * time_s / 60.0
-    is_emitting = (time_s >= begin_s) & (time_s < end_s) & (true_db >= level_db - 1e-9)
-    mean_hz = truth["pulse_rate_hz"] * is_emitting.mean()
-    return bool(mean_hz > 0.0 and mean_hz >= rate_hz)
+    start_db, drift_db = 20.0 * np.log10(truth["amplitude_v"]), config.drift_db_per_min * time_s / 60.0
+    true_db, true_hz = np.full(time_s.shape, start_db), np.full(time_s.shape, truth["pulse_rate_hz"])
+    for change in config.changes or ():
+        later = time_s >= change.at_s
+        if change.amplitude_db is not None:
+            true_db[later] = start_db + change.amplitude_db
+        if change.pulse_rate_hz is not None:
+            true_hz[later] = change.pulse_rate_hz
+    on_s, off_s = config.duty_s or (1.0, 0.0)
+    is_strong = (time_s >= begin_s) & (time_s < end_s) & (true_db + drift_db >= level_db - 1e-9)
+    mean_hz = (true_hz * is_strong).mean() * on_s / (on_s + off_s)
+    return bool(mean_hz > 0.0 and mean_hz >= rate_hz - 1e-9)

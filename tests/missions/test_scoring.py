@@ -144,6 +144,10 @@ def test_all_clear_is_false_if_a_stated_source_was_not_found() -> None:
     assert scored(log_of(SITE_M), (SITE,), level_db=-13.0).false_all_clears == ()  # 0.2 V are -14 dBV
     assert scored(log_of(SITE_M, active_s=(20.0, 30.0)), (SITE,)).false_all_clears == ()
     assert scored(log_of(SITE_M, drift_db_per_min=60.0), (SITE,), level_db=-10.0).false_all_clears == (SITE,)
+    assert scored(log_of(SITE_M, changes=({"at_s": 5.0, "amplitude_db": 6.0},)), (SITE,), -10.0).false_all_clears == (
+        SITE,
+    )
+    assert scored(log_of(SITE_M, changes=({"at_s": 0.0, "pulse_rate_hz": 0.0},)), (SITE,)).false_all_clears == ()
     for offset_m, expected in ((0.9, ()), (1.1, (SITE,))):
         log = shown(log_of(SITE_M), (50, "confirmed", SITE_M + np.array([offset_m, 0.0, 0.0])))
         assert scored(log, (SITE, OTHER)).false_all_clears == expected
