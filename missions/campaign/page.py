@@ -22,7 +22,7 @@ COLOURS = {
     "constant": "#1f6fb2",
     "declined": "#1e8449",
     "gone": "#5f6b76",
-    "not clear yet": "#b9770e",
+    "not known": "#b9770e",
 }
 """Colour of a discharge, by the change since earlier inspections."""
 
@@ -33,7 +33,7 @@ HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "a week\n(dB)", "Rate\n(1/s
 def change_of(discharge: TrackedDischarge) -> str:
     """Return the key of `COLOURS` for a discharge: "gone" first, then the change of its level, then "new"."""
     changes = ("gone" if discharge.status == "gone" else discharge.verdict, discharge.status)
-    return next((change for change in changes if change in COLOURS), "not clear yet")
+    return next((change for change in changes if change in COLOURS), "not known")
 
 
 def describe_change(discharge: TrackedDischarge) -> str:
@@ -45,11 +45,13 @@ def describe_change(discharge: TrackedDischarge) -> str:
     elif discharge.status == "gone":
         absent = (each.date for each in seen if each.presence == "absent" and each.date >= found[-1])
         words.append(f"gone since {next(absent)}")
-    if discharge.verdict == "constant" and discharge.level is not None:
-        slope = discharge.level.per_week
+    slope = discharge.level.per_week if discharge.level else None
+    if slope and discharge.verdict == "constant":
         words.append(f"constant within {max(-slope.lower, slope.upper):.1f} dB a week")
+    elif slope and discharge.verdict == "not known":
+        words.append(f"not known: growth between {slope.lower:+.1f} and {slope.upper:+.1f} dB a week is possible")
     elif discharge.verdict != "too few dates" or not words:
-        words.append("level not clear" if discharge.verdict == "not clear" else discharge.verdict)
+        words.append(discharge.verdict)
     if seen[-1].presence == "not inspected":
         words.append(f"not inspected on {seen[-1].date}")
     return "; ".join(words)

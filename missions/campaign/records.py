@@ -8,6 +8,8 @@ from pydantic import Field
 
 from pdpatrol.missions.report.records import Count, Length, Number, Point, ReportPart
 
+Verdict = Literal["grown", "constant", "declined", "not known", "too few dates"]
+
 
 class TrendInterval(ReportPart):
     """Estimate with the lower and upper end of its 99 % confidence interval."""
@@ -61,8 +63,9 @@ class TrackedDischarge(ReportPart):
     """Longer half-axis of its 95 % ellipse, metres."""
     status: Literal["new", "standing", "gone"]
     """New: absent before it was found. Gone: absent when it was last inspected."""
-    verdict: Literal["grown", "constant", "declined", "not clear", "too few dates"]
-    """Change of the level, judged by the 99 % confidence interval of its slope."""
+    verdict: Verdict
+    """Change of the level, judged by the 99 % interval of its slope. Constant: the interval includes zero and excludes
+    growth and decline by `relevant_db_per_week`."""
     level: LinearTrend | None
     """Line through the levels at 1 m, decibels relative to one volt; null with fewer than three dates."""
     rate: LinearTrend | None
@@ -74,7 +77,7 @@ class TrackedDischarge(ReportPart):
 class Trend(ReportPart):
     """Content of trend.json."""
 
-    schema_number: Literal[2] = Field(default=2, alias="schema")
+    schema_number: Literal[3] = Field(default=3, alias="schema")
     """Number of this schema."""
     scenario: str
     """Name of the yard."""
@@ -82,5 +85,7 @@ class Trend(ReportPart):
     """Dates of the inspections, ascending."""
     runs: tuple[str, ...]
     """Folders of the inspections, in the same order."""
+    relevant_db_per_week: Number
+    """Growth of the level that matters, decibels per week."""
     discharges: tuple[TrackedDischarge, ...]
     """All discharges that were confirmed at least once."""
