@@ -40,6 +40,15 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     assert "must be a new or empty folder" in line
 
 
+def test_relevant_growth_must_be_positive_and_limits_the_constant(
+    runs: list[Path], tmp_path: Path, refused: Refused
+) -> None:
+    (line,) = refused("trend", *runs, "--relevant-db-per-week", "0", cwd=tmp_path)
+    assert "--relevant-db-per-week: must be greater than 0, got " in line
+    done = pdpatrol("trend", *runs[:3], "--relevant-db-per-week", "20", "--json", cwd=tmp_path)
+    assert Trend.model_validate_json(done.stdout).relevant_db_per_week == 20.0
+
+
 def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path, refused: Refused) -> None:
     one_date = tmp_path / "one_date"
     one_date.mkdir()
