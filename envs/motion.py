@@ -91,12 +91,13 @@ def sense_pose(state: RobotStates, parameters: Parameters, reading: FloatArray, 
         state.wheels_rad[r, k] = wheels_rad[k]
     believed, frame, bias = state.believed_pose[r], parameters.frame, parameters.pose_bias
     dock_m = parameters.stops_m[len(parameters.stops_m) - 1]
-    x, y, yaw = pose[0], pose[1], pose[2] + frame[2]
-    if frame[2] != 0.0:
-        east_m, north_m, cos, sin = x - dock_m[0], y - dock_m[1], np.cos(frame[2]), np.sin(frame[2])
-        x, y = dock_m[0] + cos * east_m - sin * north_m, dock_m[1] + sin * east_m + cos * north_m
-    believed[0] = x + frame[0] + bias[0] * np.cos(yaw) - bias[1] * np.sin(yaw)
-    believed[1] = y + frame[1] + bias[0] * np.sin(yaw) + bias[1] * np.cos(yaw)
+    east_m, north_m, cos, sin = pose[0] - dock_m[0], pose[1] - dock_m[1], np.cos(frame[2]), np.sin(frame[2])
+    yaw = pose[2] + frame[2]
+    # Added to the true position, so that a frame without error changes no bit.
+    believed[0] = pose[0] + (cos - 1.0) * east_m - sin * north_m + frame[0]
+    believed[1] = pose[1] + (cos - 1.0) * north_m + sin * east_m + frame[1]
+    believed[0] += bias[0] * np.cos(yaw) - bias[1] * np.sin(yaw)
+    believed[1] += bias[0] * np.sin(yaw) + bias[1] * np.cos(yaw)
     believed[2] = yaw + bias[2]
     add_pose_error(
         believed, state.pose_error[r], parameters.pose_correlation, parameters.pose_std, state.motion_normal[r],

@@ -102,8 +102,8 @@ class Simulation:
         self.scenario = scenario
         self.array, self.robot = scenario.known_array, scenario.robot.description
         self.estimator = make_estimator(scenario.estimator.method, self.array)
-        manifold = self.array.manifold
-        elements = AntennaElements(self.array.positions_m, manifold.boresights_rad, manifold.boresight_elevations_rad)
+        real = scenario.mounted_array
+        elements = AntennaElements(real.positions_m, real.boresights_rad, real.boresight_elevations_rad)
         self.robots = Robots(self.robot, scenario.yard, elements, n_robots, n_threads)
         self.layout, self.states = ObservationLayout(scenario), RobotStates.zeros(n_robots, scenario)
         parameters = Parameters.of(

@@ -140,6 +140,12 @@ class Scenario(Config):
         return array if calibration is None else calibration.applied_to(array)
 
     @property
+    def mounted_array(self) -> HelicalArray:
+        """True array without the errors that are drawn."""
+        true = self.nature.array
+        return HelicalArray.nominal(true.applied_to(self.array)).mounted(true)
+
+    @property
     def true_mains_hz(self) -> float:
         """True frequency of the mains supply."""
         return self.receiver.mains_hz + self.nature.receiver.mains_offset_hz
@@ -186,11 +192,11 @@ def _table_errors(scenario: Scenario) -> Iterator[str]:
         for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):
             if channel > n:
                 yield f"nature.receiver.faults.{i}.{key}: must be a channel from 1 to {n}, got {channel}"
-    mounted = HelicalArray.draw(scenario.array, np.random.default_rng(0), scenario.nature.array)
-    if mounted.positions_m[:, 2].min() <= 0.0:
+    lowest_m, tilt_deg = scenario.mounted_array.positions_m[:, 2].min(), scenario.nature.array.mount_tilt_deg
+    if lowest_m <= 0.0:
         yield (
-            "nature.array.mount_tilt_deg: must keep all elements above the ground, got "
-            f"{scenario.nature.array.mount_tilt_deg:g}, lowest element at {mounted.positions_m[:, 2].min():.2f} m"
+            f"nature.array.mount_tilt_deg: must keep all elements above the ground, got {tilt_deg:g}, lowest element "
+            f"at {lowest_m:.2f} m"
         )
     if scenario.estimator.method == "sub_bands" and scenario.receiver.n_bands == 0:
         yield "estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0"

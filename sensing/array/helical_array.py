@@ -260,19 +260,17 @@ class HelicalArray:
             gain_factors=np.exp(rng.normal(0.0, config.gain_error, n)),
             gain_offsets=rng.uniform(-config.gain_offset, config.gain_offset, n),
         )
-        return array.mounted(*np.radians([true.mount_yaw_deg, true.mount_tilt_deg, true.mount_tilt_azimuth_deg]))
+        return array.mounted(true)
 
-    def mounted(self, yaw_rad: float, tilt_rad: float, tilt_azimuth_rad: float) -> Self:
-        """Return the array turned about the vertical axis and then tilted about its centre.
+    def mounted(self, true: TrueArrayConfig) -> Self:
+        """Return the array turned about the vertical axis and then tilted about its centre, as it is really mounted.
 
         Assumed: the roll of an element about its own boresight, at most the tilt, does not matter. It changes gains
         by at most 0.008 for a tilt of 5 degrees, because patterns are nearly round.
-
-        Args:
-            yaw_rad: Rotation about the vertical axis through the origin, counter-clockwise.
-            tilt_rad: Angle by which one side is raised.
-            tilt_azimuth_rad: Azimuth of that side.
         """
+        yaw_rad, tilt_rad, tilt_azimuth_rad = np.radians(
+            [true.mount_yaw_deg, true.mount_tilt_deg, true.mount_tilt_azimuth_deg]
+        )
         if yaw_rad == 0.0 and tilt_rad == 0.0:
             return self
         axis = np.array([np.sin(tilt_azimuth_rad), -np.cos(tilt_azimuth_rad), 0.0])
