@@ -105,7 +105,7 @@ class Episode(NamedTuple):
     Attributes:
         listener: Receiver of the robot: the array with its errors, and all radiating sources, the discharges first.
         start_pose: Pose of the robot at the start, x m, y m, yaw rad, shape (3,).
-        truth: Sources, interferers and array as plain data, for logs and scores.
+        truth: Sources, interferers, array and receiver as plain data, for logs and scores.
     """
 
     listener: Listener
@@ -130,14 +130,15 @@ class Episode(NamedTuple):
         array = HelicalArray.draw(
             scenario.array, rng, scenario.nature.array
         )  # last, so that the size of the array changes nothing else
-        true_receiver = scenario.nature.receiver
-        drift_db_per_min = true_receiver.draw_drift(array.n_elements, generators.receiver.spawn(1)[0])
         start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
+        drift_rng = generators.receiver.spawn(1)[0]
+        drift_db_per_min = scenario.nature.receiver.draw_drift(array.n_elements, drift_rng)
         kinds = [{"kind": source.kind} for source in scenario.sources]
         truth = {
             "sources": [_describe(source) | kind for source, kind in zip(sources, kinds, strict=True)],
             "interferers": [_describe(source) for source in interferers],
             "array": {key: getattr(array, key).tolist() for key in DRAWN_OF_ARRAY},
+            "receiver": {} if drift_db_per_min is None else {"drift_db_per_min": drift_db_per_min.tolist()},
         }
         listener = Listener(
             array=array,

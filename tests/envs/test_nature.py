@@ -108,6 +108,14 @@ def test_strengths_follow_the_true_array(settings: dict[str, float], expected: n
     np.testing.assert_allclose(found / np.linalg.norm(found), expected / np.linalg.norm(expected), atol=atol)
 
 
+def test_robot_carries_the_array_as_it_is_mounted() -> None:
+    """The first element is on the left; turned by 90 degrees it is at the back, which a tilt by 10 degrees lowers."""
+    mount = {"nature.array.ring_radius_m": 0.2, "nature.array.mount_yaw_deg": 90.0, "nature.array.mount_tilt_deg": 10.0}
+    site = PatrolEnv(loaded(mount)).simulation.robots.model.site("element_1")
+    expected = [-0.2 * np.cos(np.radians(10.0)), 0.0, 0.6 - 0.2 * np.sin(np.radians(10.0))]
+    np.testing.assert_allclose(site.pos, expected, atol=1e-12)
+
+
 def test_true_pattern_may_differ_from_the_data_sheet() -> None:
     """The same pattern in the data sheet changes the believed array and not the strengths."""
     true = {"nature.array.pattern": "helix"}
@@ -182,6 +190,12 @@ def test_phases_drift_if_the_mains_is_not_as_believed(offset_hz: float) -> None:
         np.angle(np.exp(2j * late).mean() / np.exp(2j * early).mean()) / 2
     )  # the pattern repeats twice per cycle
     assert shift_rad == pytest.approx(-2 * np.pi * offset_hz * 1.25, abs=0.05)
+
+
+def test_drawn_drift_is_part_of_the_truth() -> None:
+    scenario = loaded({"nature.receiver.temperature_spread_db_per_min": 0.5})
+    truth = PatrolEnv(scenario, full_info=True).reset(seed=0)[1]["truth"]
+    assert np.ptp(truth["receiver"]["drift_db_per_min"]) > 0.0
 
 
 def drawn(settings: dict[str, Any], duration_s: float = 600.0, seed: int = 0) -> Emissions:
@@ -300,7 +314,8 @@ def driven(settings: dict[str, Any], n_steps: int) -> tuple[np.ndarray, np.ndarr
 
 def test_jumps_have_their_rate_and_size_and_decay() -> None:
     jumps = {"nature.pose_sensor.jumps_per_min": 15.0, "nature.pose_sensor.jump_std_m": 0.4}
-    believed, true, _ = driven(jumps, 3000)
+    believed, true, odometry = driven(jumps, 3000)
+    np.testing.assert_array_equal(odometry[:300], driven({}, 300)[2])  # no other draw changes
     off_m = (believed - true)[:, :2]
     added_m = off_m[1:] - np.exp(-0.1 / 5.0) * off_m[:-1]
     has_jumped = np.abs(added_m).max(axis=1) > 1e-9
