@@ -94,7 +94,7 @@ def _broken(text: str) -> str:
 
 
 def coverage_table(summaries: Sequence[Summary]) -> Table:
-    """Make a table of calibration for a terminal: stated against observed coverage of ellipses and ellipsoids."""
+    """Make a table of stated shares against observed coverages for a terminal of 80 columns."""
     title = "\nFound sources inside the stated ellipse (2-D) or ellipsoid (3-D), in percent"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     table.add_column("stated", width=20, overflow="fold")

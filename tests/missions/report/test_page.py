@@ -97,6 +97,14 @@ def test_inspection_follows_from_the_path(mission: MissionLog) -> None:
     assert not set(at_dock.names("partly_inspected")) & set(report.inspection.names("not_inspected"))
 
 
+def test_page_warns_of_false_all_clears(mission: MissionLog) -> None:
+    report, page = report_and_page(mission)
+    assert "False all-clear" not in page.text
+    scores = report.scores.model_copy(update={"false_all_clears": ("transformer_1/tank_south",)})
+    wrong = PageReader(report_page(mission, report.model_copy(update={"evaluation": scores})))
+    assert "False all-clear: transformer_1/tank_south" in wrong.text
+
+
 def test_page_without_findings_states_what_that_means() -> None:
     log = run_mission(load_scenario("quiet_yard", {"task.time_limit_s": 20.0, "interferers": ()}), "patrol", seed=1)
     report, page = report_and_page(log)
