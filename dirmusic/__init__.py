@@ -6,6 +6,7 @@ from dirmusic.array.manifold import GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.array.pattern_file import read_pattern
+from dirmusic.bearing.elevation import total_std
 from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, bearings_towards, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
@@ -56,5 +57,6 @@ __all__ = [
     "source_count",
     "spectrum_peaks",
     "strength_variance",
+    "total_std",
     "triangulate",
 ]

@@ -152,11 +152,13 @@ class UserEstimator:
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
         """Return the bearings of pulses; see `dirmusic.BearingEstimator`."""
         n = pulses.n_pulses
-        expected = f"three columns of shape ({n},), finite: azimuths, deviations above 0, misfits in [0, 1]"
+        expected = f"columns of shape ({n},), finite: azimuths, deviations above 0, misfits in [0, 1]"
         with calling(self._estimator, expected):
             found = Bearings(*(np.asarray(column, dtype=np.float64) for column in self._estimator(pulses, array)))
+        if not found.elevation_rad.ndim:
+            found = found._replace(elevation_rad=np.zeros(n))
         least_std = pulses.variance_v2.any(axis=-1) * np.finfo(np.float64).tiny  # 0 for pulses without noise
-        lows, highs = (-np.inf, least_std, 0.0), (np.inf, np.inf, 1.0)
+        lows, highs = (-np.inf, least_std, 0.0, -np.pi / 2), (np.inf, np.inf, 1.0, np.pi / 2)
         for name, column, low, high in zip(found._fields, found, lows, highs, strict=True):
             if column.shape != (n,) or not np.all(np.isfinite(column) & (column >= low) & (column <= high)):
                 returned = f"{name} of shape {column.shape}, {column.ravel()[:3]} and so on"

@@ -76,8 +76,8 @@ class ElementSpread:
         pattern: Error of the pattern in one direction in the plane, in units of the largest gain; correlated over
             `PATTERN_APART_RAD`.
         unexplained: Relative error of a strength that no model explains: reflections within the gate, edges of the
-            gate, mutual coupling. Outside a laboratory, use `UNEXPLAINED`. Only the joint solver uses this value, and
-            it assumes that the error has the correlation time of the pose error.
+            gate, mutual coupling. Outside a laboratory, use `UNEXPLAINED`. The joint solver and `total_std` use this
+            value; the solver assumes that the error has the correlation time of the pose error.
     """
 
     gain: float = 0.0

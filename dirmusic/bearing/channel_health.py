@@ -16,7 +16,7 @@ from dirmusic.angles import aperture
 from dirmusic.array.model import ArrayModel
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.bearing.estimators import BearingEstimator
-from dirmusic.bearing.maximum_likelihood import maximum_likelihood
+from dirmusic.bearing.maximum_likelihood import in_plane_likelihood, maximum_likelihood
 from dirmusic.pulses.batch import Bearings, PulseBatch
 
 FaultName = Literal["dead", "low", "high", "swapped", "stuck"]
@@ -126,7 +126,7 @@ class ChannelMonitor:
         std_rad, misfit = pulses.std_rad[own], pulses.misfit[own]
         between = max(self.CHECK_PULSES, std_rad.size // self.MOST_CHECKS)
         if self._estimator is not maximum_likelihood:
-            likeliest = maximum_likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
+            likeliest = in_plane_likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
         strengths_v = pulses.strengths_v[own]
         clear = np.flatnonzero(std_rad < self.CLEAR_STD_RAD)
@@ -174,12 +174,12 @@ class ChannelMonitor:
     def _fit(self, strengths_v: FloatArray, channels: IntArray) -> Bearings:
         """Estimate the directions of pulses, strengths of shape (n, n_channels), from some of the channels."""
         pulses = PulseBatch.detected(np.zeros(len(strengths_v)), strengths_v, np.zeros_like(strengths_v))
-        return maximum_likelihood(pulses, self.array.take(channels))
+        return in_plane_likelihood(pulses, self.array.take(channels))
 
     def _without(self, strengths_v: FloatArray, channels: IntArray, k: int) -> tuple[float, SuspectChannel] | None:
         """Return the median misfit without channel k and the fault of that channel, or None if it is not faulty."""
         others = np.delete(np.arange(channels.size), k)
-        azimuth, _, misfit = self._fit(strengths_v[:, others], channels[others])
+        azimuth, _, misfit, _ = self._fit(strengths_v[:, others], channels[others])
         remaining = float(np.median(misfit))
         gain = self.array.manifold.gain(azimuth)[channels].T
         amplitude = (strengths_v[:, others] * gain[:, others]).sum(axis=-1) / np.square(gain[:, others]).sum(axis=-1)

@@ -15,6 +15,7 @@ from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import cubic
 from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.bearing.elevation import LEAST_CHANNELS, search_elevations
 from dirmusic.bearing.spectrum import check_covariance
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
@@ -101,7 +102,7 @@ def fit_pulses(
         The fits, with azimuths in (-pi, pi].
     """
     n_rows, n_pulses, n = strengths.shape
-    table, bearings = held_table.value, Bearings(np.empty(n_rows), np.empty(n_rows), np.empty(n_rows))
+    table, bearings = held_table.value, Bearings(np.empty(n_rows), np.empty(n_rows), np.empty(n_rows), np.zeros(n_rows))
     fit = Fit(bearings, np.zeros((n_rows, n)), np.zeros((n_rows, n)))
     covariance, match = np.empty((n, n)), np.empty(table.unit_pairs.shape[1])
     gain, slope, across = np.empty(n), np.empty(n), np.empty(n)
@@ -210,9 +211,20 @@ def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayMo
     return fit_pulses(pulse, noise, variance, table, NO_DIRECTION, azimuth_rad).bearings
 
 
-def maximum_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Estimate the direction of each pulse by maximum likelihood: the default `BearingEstimator`."""
+def in_plane_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    """Estimate the direction of each pulse in the plane of the array by maximum likelihood."""
     return bearings_towards(np.empty(0), pulses, array)
+
+
+def maximum_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    """Estimate the direction of each pulse by maximum likelihood: the default `BearingEstimator`.
+
+    Only pulses that no direction in the plane explains are compared with directions above it.
+    """
+    found = in_plane_likelihood(pulses, array)
+    if array.manifold.n_elements >= LEAST_CHANNELS:
+        search_elevations(found, pulses, array)
+    return found
 
 
 def estimate_bearings(

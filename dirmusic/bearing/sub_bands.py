@@ -222,7 +222,7 @@ def bearings_of_bands(strengths: FloatArray, variance: FloatArray, tables: Held[
     """
     of = tables.value
     n_pulses, n_bands, n = strengths.shape
-    found = Bearings(np.empty(n_pulses), np.empty(n_pulses), np.empty(n_pulses))
+    found = Bearings(np.empty(n_pulses), np.empty(n_pulses), np.empty(n_pulses), np.zeros(n_pulses))
     trust, upper, power_v2 = np.empty(n_bands), np.empty(n_bands), np.empty(n_bands)
     match = np.empty(of.unit.shape[2])
     for k in range(n_pulses):

@@ -7,54 +7,20 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error, manifold_error_std, perpendicular_slope
 from dirmusic.array.element_errors import ElementErrors, ElementSpread, off_by_pattern
 from dirmusic.array.manifold import (
     SEARCH_AZIMUTHS_RAD,
     SEARCH_STEP_RAD,
-    TABLE_SIZE,
     GainManifold,
     nearest_search_azimuth,
 )
 from dirmusic.array.model import ArrayModel
 from dirmusic.arrays import BoolArray, FloatArray
+from dirmusic.bearing.elevation import ELEVATIONS_RAD, errors_by_elevation, gains_in_space, misfits_in_space
 from dirmusic.bearing.estimators import BearingEstimator, method_std
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.pulses.batch import PulseBatch
-
-ELEVATIONS_RAD = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
-"""Elevations at which pulses are compared with the model, evenly spaced from zero. Assumed: half a step changes gains
-by at most 2 %, less than the errors of the elements. A wave from nearly overhead has no direction in the plane."""
-
-
-@lru_cache(maxsize=8)
-def gains_in_space(manifold: GainManifold) -> FloatArray:
-    """Tabulate the gains at `ELEVATIONS_RAD` and the search azimuths, shape (n_elevations, n_azimuths, n_elements)."""
-    off_rad = SEARCH_AZIMUTHS_RAD[:, np.newaxis] - manifold.boresights_rad
-    return manifold.response_in_space(off_rad, ELEVATIONS_RAD[:, np.newaxis, np.newaxis]).gain
-
-
-def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
-    """Compute the share of energy that a plane wave from each of `ELEVATIONS_RAD` leaves unexplained.
-
-    The gains of the elements of a level ring differ less for waves from above, so such waves do not fit the model at
-    zero elevation. The azimuth of a pulse is rounded to the nearest search azimuth, at most one degree off, which
-    leaves 4e-4 of the energy unexplained.
-
-    Args:
-        pulses: Pulses with their directions.
-        manifold: Manifold of the array.
-
-    Returns:
-        Shape (n_elevations, n_pulses); 1 for pulses whose strengths are all zero.
-    """
-    nearest = nearest_search_azimuth(pulses.azimuth_rad)
-    gain = gains_in_space(manifold)[:, nearest] * pulses.is_usable
-    strengths_v = pulses.strengths_v * pulses.is_usable
-    explained = np.square(np.einsum("epc,pc->ep", gain, strengths_v)) / np.einsum("epc,epc->ep", gain, gain)
-    energy = np.maximum(np.einsum("pc,pc->p", strengths_v, strengths_v), np.finfo(np.float64).tiny)
-    return 1.0 - explained / energy
 
 
 class MethodDeviation:
@@ -143,7 +109,7 @@ class BearingErrors:
 
     def __init__(self, array: ArrayModel) -> None:
         self._std_rad = _closed(manifold_error_std(array.manifold, SEARCH_AZIMUTHS_RAD, array.spread))
-        self._by_elevation_rad = _errors_by_elevation(array.manifold)
+        self._by_elevation_rad = errors_by_elevation(array.manifold)
         self._by_pattern_rad = _deviation_by_pattern(array.manifold, array.spread)
 
     def std(self, azimuth_rad: FloatArray) -> FloatArray:
@@ -184,14 +150,6 @@ def interpolate(azimuth_rad: FloatArray, table: FloatArray) -> FloatArray:
 def _closed(at_search_azimuths: FloatArray) -> FloatArray:
     """Append the first value, so that a table covers the whole circle."""
     return np.append(at_search_azimuths, at_search_azimuths[0])
-
-
-def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
-    """Tabulate the best-fitting in-plane azimuth minus the true azimuth, shape (n_elevations, n_azimuths + 1)."""
-    in_plane = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
-    best_rad = 2 * np.pi / TABLE_SIZE * (gains_in_space(manifold) @ in_plane.T).argmax(axis=-1)
-    error_rad = difference(best_rad, SEARCH_AZIMUTHS_RAD)
-    return np.column_stack([error_rad, error_rad[:, 0]])
 
 
 def _deviation_by_pattern(manifold: GainManifold, spread: ElementSpread) -> FloatArray:

@@ -16,8 +16,8 @@ NO_DIRECTION = (0.0, np.pi, 1.0)
 class PulseBatch(NamedTuple):
     """Pulses that a receiver has detected, one per row, in order of time.
 
-    The receiver fills all columns except those of the direction. The bearing estimator adds azimuth, standard deviation
-    and misfit, and the channel monitor adds `is_usable`.
+    The receiver fills all columns except those of the direction. The bearing estimator adds azimuth, standard
+    deviation, misfit and elevation, and the channel monitor adds `is_usable`.
 
     Attributes:
         time_s: Time of the trigger, shape (n_pulses,).
@@ -26,7 +26,7 @@ class PulseBatch(NamedTuple):
         azimuth_rad: Direction of arrival, array frame, in (-pi, pi], shape (n_pulses,).
         std_rad: Standard deviation of the direction as the estimator reports it, shape (n_pulses,); pi for a pulse
             without strength.
-        misfit: Fraction of the energy that no single direction explains, in [0, 1], shape (n_pulses,).
+        misfit: Fraction of the energy that no single direction in the plane explains, in [0, 1], shape (n_pulses,).
         is_usable: True for each channel that is not faulty, shape (n_pulses, n_elements).
         mains_phase_rad: Mains phase at the receiver at the time of the trigger, in [0, 2 pi), shape (n_pulses,); NaN
             where it was not recorded.
@@ -34,6 +34,7 @@ class PulseBatch(NamedTuple):
         band_strengths_v: Strengths in sub-bands, shape (n_pulses, n_bands, n_elements), volts; n_bands is 0 if the
             receiver does not measure sub-bands.
         band_variance_v2: Noise variance of the strengths in sub-bands, same shape, V^2.
+        elevation_rad: Elevation of arrival, shape (n_pulses,); 0 where a direction in the plane explains the pulse.
     """
 
     time_s: FloatArray
@@ -47,6 +48,7 @@ class PulseBatch(NamedTuple):
     is_clipped: BoolArray
     band_strengths_v: FloatArray
     band_variance_v2: FloatArray
+    elevation_rad: FloatArray
 
     @classmethod
     def detected(
@@ -75,6 +77,7 @@ class PulseBatch(NamedTuple):
             is_clipped=np.zeros(shape, dtype=np.bool_) if is_clipped is None else is_clipped,
             band_strengths_v=no_bands if band_strengths_v is None else band_strengths_v,
             band_variance_v2=no_bands if band_variance_v2 is None else band_variance_v2,
+            elevation_rad=np.zeros(n),
         )
 
     @classmethod
@@ -150,14 +153,19 @@ class Bearings(NamedTuple):
         std_rad: Standard deviations, shape (...). They include only noise unless a prior of the manifold errors was
             given, because these errors are common to all pulses from one direction. NaN if neither the noise nor a
             prior was given.
-        misfit: Fraction of the energy that no single direction explains, in [0, 1], shape (...). It is large where two
-            sources overlap, a channel is dead, or there is only noise.
+        misfit: Fraction of the energy that no single direction in the plane explains, in [0, 1], shape (...). It is
+            large where two sources overlap, a channel is dead, the wave comes from above, or there is only noise.
+        elevation_rad: Elevations, shape (...) or (); 0 where a direction in the plane explains the pulse, or if the
+            estimator searches the plane only.
     """
 
     azimuth_rad: FloatArray
     std_rad: FloatArray
     misfit: FloatArray
+    elevation_rad: FloatArray = np.zeros(())
 
     def attached_to(self, pulses: PulseBatch) -> PulseBatch:
         """Return the pulses with these directions, one for each."""
-        return pulses._replace(azimuth_rad=self.azimuth_rad, std_rad=self.std_rad, misfit=self.misfit)
+        elevation_rad = self.elevation_rad + np.zeros(pulses.n_pulses)
+        columns = self._replace(elevation_rad=elevation_rad)._asdict()
+        return pulses._replace(**columns)

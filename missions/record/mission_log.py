@@ -44,7 +44,9 @@ TABLES: dict[str, dict[str, str]] = {
         "pulse": "i8",  # row in the pulse table
         "azimuth_rad": "f8",  # array frame
         "bearing_rad": "f8",  # world frame, with the estimated heading
-        "std_rad": "f8",  # from noise only, without the error of the manifold
+        "std_rad": "f8",  # from noise only
+        "total_std_rad": "f8",  # of `bearing_rad`: with array errors, elevation, multipath and the error of the heading
+        "elevation_rad": "f8",  # 0 where a direction in the plane explains the pulse
     },
     "scan": {  # lidar; empty for field data
         "step": "i8",

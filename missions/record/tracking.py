@@ -9,6 +9,7 @@ import numpy as np
 from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.bearing.elevation import total_std
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.finding import State
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
@@ -66,6 +67,7 @@ class Tracker:
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
+        self._heading_std_rad = pose_error.heading_rad
         self._likelihood = YardLikelihood(array, pose_error, grid_of(log.meta))
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
@@ -100,6 +102,8 @@ class Tracker:
             azimuth_rad=accepted.azimuth_rad,
             bearing_rad=wrap(accepted.azimuth_rad + pose[2]),
             std_rad=accepted.std_rad,
+            total_std_rad=np.hypot(total_std(accepted, self._array), self._heading_std_rad),
+            elevation_rad=accepted.elevation_rad,
         )
         self._update_findings(findings)
         if accepted.n_pulses:

@@ -49,6 +49,11 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def robust_std(values: np.ndarray) -> float:
+    """Return the standard deviation about 0 of normal values from their median absolute value."""
+    return float(1.4826 * np.median(np.abs(values)))
+
+
 def rms_error(found: Bearings, azimuth_rad: np.ndarray) -> float:
     return rms(difference(found.azimuth_rad, azimuth_rad))
 

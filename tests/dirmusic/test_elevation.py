@@ -1,14 +1,20 @@
 """Gain in space, and bearings of sources above the plane of the array."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dirmusic import GainManifold, GaussianPattern, estimate_bearings
+from dirmusic import ArrayModel, Bearings, GainManifold, GaussianPattern, PulseBatch, estimate_bearings
 from dirmusic.angles import difference
+from dirmusic.array.element_errors import UNEXPLAINED
 from dirmusic.array.pattern import gain_in_space
-from tests.dirmusic.scenes import RING, rms
+from dirmusic.bearing.elevation import total_std
+from dirmusic.bearing.maximum_likelihood import in_plane_likelihood, maximum_likelihood
+from tests.dirmusic.scenes import RING, SPREAD, detected, rms, robust_std, with_bearings
 
 PATTERN = GaussianPattern()
 OFF = np.radians(np.arange(-179.5, 180.0, 1.0))
@@ -58,3 +64,78 @@ def test_ignored_elevation_biases_azimuth_as_published(elevation_deg: float, bia
     gain = gain_in_space(PATTERN, OFF[:, np.newaxis] - RING.boresights_rad, np.radians(elevation_deg)).gain
     in_plane = estimate_bearings(gain[:, np.newaxis], RING).azimuth_rad
     assert np.degrees(rms(difference(in_plane, OFF))) == pytest.approx(bias_deg, rel=0.15)
+
+
+def waves_from_above(ring: GainManifold, most_deg: float, n: int) -> tuple[PulseBatch, np.ndarray, np.ndarray]:
+    """Draw pulses of arrays with errors of `SPREAD`, with their azimuths and elevations from 0, both (n,)."""
+    rng, n_elements = np.random.default_rng(4), ring.n_elements
+    azimuth, elevation = rng.uniform(-np.pi, np.pi, n), np.radians(rng.uniform(0.0, most_deg, n))
+    turned = rng.normal(0.0, SPREAD.pointing_rad, (n, n_elements))
+    gain = gain_in_space(ring.pattern, azimuth[:, np.newaxis] - ring.boresights_rad - turned, elevation[:, np.newaxis])
+    noise_v = 10 ** rng.uniform(-3.0, -1.0, (n, 1))
+    factor = 1.0 + np.hypot(SPREAD.gain, UNEXPLAINED) * rng.standard_normal((n, n_elements))
+    return (
+        detected(np.abs(gain.gain * factor + noise_v * rng.standard_normal(factor.shape)), noise_v),
+        azimuth,
+        elevation,
+    )
+
+
+def as_known(ring: GainManifold) -> ArrayModel:
+    return ArrayModel(
+        manifold=ring, positions_m=np.zeros((ring.n_elements, 3)), spread=replace(SPREAD, unexplained=UNEXPLAINED)
+    )
+
+
+@pytest.mark.parametrize(("n_elements", "most", "before"), [(4, 0.13, 0.2), (6, 0.07, 0.09)])
+def test_few_bearings_of_sources_above_are_far_off(n_elements: int, most: float, before: float) -> None:
+    ring = GainManifold.ring(n_elements)
+    pulses, azimuth, elevation = waves_from_above(ring, 80.0, 10_000)
+    found, in_plane = (estimate(pulses, as_known(ring)) for estimate in (maximum_likelihood, in_plane_likelihood))
+    far_off, was_far_off = (
+        np.abs(difference(each.azimuth_rad, azimuth)) > np.radians(20.0) for each in (found, in_plane)
+    )
+    assert far_off.mean() < most < before < was_far_off.mean()
+    is_above = found.elevation_rad > 0.0
+    assert is_above[elevation > np.radians(50.0)].mean() > 0.9
+    assert rms(found.elevation_rad[is_above] - elevation[is_above]) < np.radians(8.0)
+
+
+def test_pulses_that_the_plane_explains_keep_their_bearings() -> None:
+    pulses, _, _ = waves_from_above(RING, 20.0, 2000)
+    found, in_plane = (estimate(pulses, as_known(RING)) for estimate in (maximum_likelihood, in_plane_likelihood))
+    level = found.elevation_rad == 0.0
+    assert level.mean() > 0.99
+    np.testing.assert_array_equal(found.azimuth_rad[level], in_plane.azimuth_rad[level])
+    np.testing.assert_array_equal(found.std_rad[level], in_plane.std_rad[level])
+    np.testing.assert_array_equal(found.misfit, in_plane.misfit)
+
+
+def test_waves_without_errors_are_found_in_azimuth_and_elevation() -> None:
+    azimuth, elevation = OFF[::7, np.newaxis], np.radians([50.0, 63.0, 70.0, 78.0])
+    gain = gain_in_space(PATTERN, azimuth[..., np.newaxis] - RING.boresights_rad, elevation[:, np.newaxis]).gain
+    found = maximum_likelihood(detected(gain.reshape(-1, 6), 1e-6), as_known(RING))
+    azimuth, elevation = (each.ravel() for each in np.broadcast_arrays(azimuth, elevation))
+    assert np.degrees(np.abs(difference(found.azimuth_rad, azimuth))).max() < 2.0
+    assert np.degrees(np.abs(found.elevation_rad - elevation)).max() < 2.5
+
+
+def test_total_deviation_matches_errors_in_every_class() -> None:
+    pulses, azimuth, _ = waves_from_above(RING, 80.0, 20_000)
+    pulses = with_bearings(pulses, as_known(RING))
+    offset_rad, total_rad = difference(pulses.azimuth_rad, azimuth), total_std(pulses, as_known(RING))
+    by_noise = robust_std(offset_rad / pulses.std_rad)
+    assert by_noise > 3.0
+    for stated_rad in (pulses.std_rad, total_rad):
+        for low, high in pairwise(np.radians([0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 60.0])):
+            own = (low <= stated_rad) & (stated_rad < high)
+            assert own.sum() < 300 or 0.85 < robust_std(offset_rad[own] / total_rad[own]) < 1.15
+
+
+def test_total_deviation_ignores_faulty_channels() -> None:
+    pulses, _, _ = waves_from_above(RING, 60.0, 50)
+    good = np.array([True, True, False, True, True, True])
+    known, five = as_known(RING), with_bearings(pulses.take_channels(good), as_known(RING).take(good))
+    directions = {name: getattr(five, name) for name in Bearings._fields}
+    six = pulses._replace(**directions, is_usable=np.broadcast_to(good, pulses.strengths_v.shape))
+    np.testing.assert_allclose(total_std(six, known), total_std(five, known.take(good)))

@@ -57,3 +57,10 @@ def test_each_credible_pulse_has_an_association() -> None:
     assert set(log.column("association", "finding").tolist()) <= {*alive.tolist(), *Unassociated}
     owned = (log.column("association", "finding") > 0).mean()
     assert owned > 0.3
+
+
+def test_total_deviation_exceeds_that_of_noise_and_heading() -> None:
+    bearing = run_mission(load_scenario("two_sources", {"task.time_limit_s": 10.0}), seed=5).table("bearing")
+    least_rad = np.hypot(bearing["std_rad"], np.radians(2.0))  # an array with 5 % of gain error, and 0.5 deg of heading
+    assert bearing["pulse"].size > 50
+    assert np.all(bearing["total_std_rad"] > least_rad)

@@ -105,7 +105,7 @@ def survey(
                 )  # fmt: skip
                 log.append(
                     "bearing", pulse=pulse, azimuth_rad=azimuth, bearing_rad=azimuth + pose[2],
-                    std_rad=STD_RAD * NOISE_V / strength_v,
+                    std_rad=STD_RAD * NOISE_V / strength_v, total_std_rad=STD_RAD, elevation_rad=0.0,
                 )  # fmt: skip
                 is_echo = echoes_every > 0 and pulse % echoes_every == 0
                 log.append("association", pulse=pulse, finding=Unassociated.ECHO if is_echo else number)
