@@ -6,7 +6,6 @@ Simulated discharges deviate from the typical patterns; `pdpatrol.sensing` draws
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, replace
-from math import lgamma
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -104,7 +103,7 @@ SHARE_PULSES = 6.0
 STRAY, STRAY_DENSITY = 0.05, 1.0 / (2 * np.pi * 40.0)
 """Share of stray pulses from noise and other sources, and their density: uniform in phase and over 40 dB. Assumed."""
 
-KERNELS, OTHER_PENALTY = ((np.radians(9.0), 2.0), (np.radians(6.0), 1.0)), 8.0
+KERNELS, OTHER_PENALTY = ((np.radians(9.0), 2.0), (np.radians(6.0), 1.0)), 7.0
 """Widths, in rad and dB, of two kernel densities that stand for any other pattern, such as two kinds together, and the
 logarithm by which their free shape is penalised. Assumed: a quarter of such pairs is taken for one kind, and 4 % of
 atypical defects for unknown; at 12 it is a third and 2 %."""
@@ -206,18 +205,16 @@ def _log_densities(phase: FloatArray, level: FloatArray, parameters: FloatArray,
 
 
 class _ClusterFit(NamedTuple):
-    """Parameters of a pattern, shape (4, n_clusters), and number of pulses and share of each cluster, (n_clusters,).
+    """Parameters of a pattern, shape (4, n_clusters), and share of each cluster, shape (n_clusters,).
 
     Attributes:
         parameters: Centre, log width, level and log spread.
-        n: Number of pulses.
         share: Share of the pulses that are not stray.
-        weight: Information of the pulses about the parameters, relative to `PRECISION` plus that information.
+        weight: Share of the pulses in the information about each parameter; the rest is that of the prior.
         common: Shift and level of the whole pattern, shape (4, 1).
     """
 
     parameters: FloatArray
-    n: FloatArray
     share: FloatArray
     weight: FloatArray
     common: FloatArray
@@ -252,12 +249,7 @@ def _refit(
         IS_COMMON * np.sum(weight * (estimate - typical), axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
     )
     parameters = weight * estimate + (1.0 - weight) * (typical + common)
-    return _ClusterFit(parameters, n, (n + pseudo) / (n + pseudo).sum(), weight, common)
-
-
-def _log_beta(counts: FloatArray) -> float:
-    """Return the logarithm of the multivariate beta function, by which a Dirichlet distribution is normalised."""
-    return sum(lgamma(count) for count in counts.tolist()) - lgamma(float(counts.sum()))
+    return _ClusterFit(parameters, (n + pseudo) / (n + pseudo).sum(), weight, common)
 
 
 def _evidence(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ...]) -> tuple[float, float]:
@@ -280,6 +272,5 @@ def _evidence(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ...
     of_parameters = PRECISION * np.square(fit.parameters - typical - fit.common) - np.log1p(-fit.weight)
     precision = np.sum(PRECISION * fit.weight, axis=1)[[0, 2]]
     of_common = np.log(2 * np.pi / precision / np.square([2 * np.pi, 24.0]))
-    of_shares = _log_beta(pseudo + fit.n) - _log_beta(pseudo) - fit.n @ np.log(fit.share)
-    evidence = log_likelihood + of_shares - 0.5 * of_parameters.sum() + 0.5 * of_common.sum()
+    evidence = log_likelihood - 0.5 * of_parameters.sum() + 0.5 * of_common.sum()
     return float(evidence), float(fit.common[0, 0])
