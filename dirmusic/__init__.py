@@ -10,6 +10,7 @@ from dirmusic.bearing.elevation import total_std
 from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, bearings_towards, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
+from dirmusic.frame import FrameEstimate
 from dirmusic.input_file import InputFileError, InputFileWarning
 from dirmusic.locating.bearing_fit import PositionEstimate, triangulate
 from dirmusic.locating.finding import Finding
@@ -27,6 +28,7 @@ __all__ = [
     "ElementErrors",
     "ElementSpread",
     "Finding",
+    "FrameEstimate",
     "GainManifold",
     "GainPattern",
     "GaussianPattern",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray
 
 
@@ -44,8 +44,10 @@ class FrameEstimate:
         """Return the pose on the map of a pose of the localisation, both x m, y m, yaw rad, shape (3,)."""
         if not self.is_applied:
             return pose
-        place_m = self.pivot_m + turned(pose[:2] - self.pivot_m - self.offset[:2], -self.offset[2])
-        return np.append(place_m, wrap(pose[2] - self.offset[2]))
+        (x_m, y_m), angle_rad = (pose[:2] - self.pivot_m - self.offset[:2]).tolist(), float(self.offset[2])
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        place_m = self.pivot_m + [cos * x_m + sin * y_m, cos * y_m - sin * x_m]
+        return np.append(place_m, math.remainder(pose[2] - angle_rad, 2.0 * math.pi))
 
     def covariance_at(self, places_m: FloatArray) -> FloatArray:
         """Return the covariance of the error of the frame at places (..., 2) of the map, shape (..., 2, 2).

@@ -177,7 +177,8 @@ class Mission:
         localised = info["believed_pose"]
         is_new = self.registration.update(info["time_s"], localised, observation["lidar"])
         frame = self.registration.frame
-        return observed_on_map(observation, frame), frame.on_map(localised), is_new
+        pose = frame.on_map(localised)
+        return observed_on_map(observation, pose, frame), pose, is_new
 
     def step(self) -> None:
         """Run one control step: decide, drive, detect, locate, and log all of it."""

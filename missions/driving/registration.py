@@ -47,8 +47,9 @@ SCAN_PERIOD_S = 5.0
 """Time between the scans that are used. Assumed; the default correlation time of the pose error, which makes closer
 scans nearly redundant."""
 
-LEAST_ACCURACY_M = 0.01
-"""Smallest standard deviation of the displacements of pieces. Assumed; the precision of their coordinates."""
+FENCE_STD_M, LEAST_ACCURACY_M = 0.05, 0.01
+"""Standard deviation of the displacements of the sides of the fence, and the smallest one of pieces. Assumed; the fence
+defines the frame of the map, so only its unevenness counts. Stated deviations at the dock are proportional to it."""
 
 SURFACE_STD_M = 0.02
 """Standard deviation of end points about a known outline from a known pose, besides the noise of the lidar. Assumed;
@@ -75,10 +76,10 @@ on an outline. Assumed; the search only selects where to linearise."""
 
 SIGNIFICANT = 21.1
 """Squared Mahalanobis distance of the frame from zero at which poses are corrected: the chi-square quantile of three
-degrees of freedom that is exceeded with probability 1e-4. The largest of 240 sound missions was 12.6 with a correct map
-and 22 with pieces 0.15 m off (measured)."""
+degrees of freedom that is exceeded with probability 1e-4. In sound missions with a correct map it stays below 12
+(measured)."""
 
-DISAGREEMENT_M, DISAGREEMENT_STD_RAD = 0.2, np.radians(0.25)
+DISAGREEMENT_M, DISAGREEMENT_STD_RAD = 0.2, np.radians(0.15)
 """Smallest displacement anywhere in the yard that is reported, and largest standard deviation of the rotation at that
 time. Assumed; smaller displacements hardly matter for findings within 0.3 m."""
 
@@ -123,7 +124,9 @@ class Outlines:
         self._shape = np.ceil((size_m + 2 * MARGIN_M) / CELL_M).astype(int)
         nearest = np.full(self._shape, -1)
         nearest[self._cells(points_m[is_visible])] = of[is_visible]
-        self._distance_m, cells = distance_transform_edt(nearest < 0, CELL_M, return_indices=True)
+        distance_m, cells = distance_transform_edt(nearest < 0, CELL_M, return_indices=True)
+        # half, because the points of a scan share errors (assumed)
+        self._log_likelihood = 0.5 * np.log(np.exp(-0.5 * np.square(distance_m / SEARCH_STD_M)) + SEARCH_OUTLIERS)
         self._nearest = nearest[tuple(cells)]
 
     def _sample(self) -> tuple[FloatArray, IntArray]:
@@ -141,9 +144,9 @@ class Outlines:
         cells = np.clip(((points_m + MARGIN_M) / CELL_M).astype(int), 0, self._shape - 1)
         return tuple(np.moveaxis(cells, -1, 0))
 
-    def rough_distance(self, points_m: FloatArray) -> FloatArray:
-        """Return the distance from points (..., 2) to the nearest outline, exact to about a cell; shape (...)."""
-        return self._distance_m[self._cells(points_m)]
+    def log_likelihood(self, points_m: FloatArray) -> FloatArray:
+        """Return the sum of the log-likelihoods of end points (..., n, 2), with a bound for outliers; shape (...)."""
+        return self._log_likelihood[self._cells(points_m)].sum(axis=-1)
 
     def meet(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
         """Return signed distance (n,), outward normal (n, 2) and piece (n,) of the solid nearest to points (n, 2)."""
@@ -185,6 +188,7 @@ class Registration:
         n_pieces, self._accuracy_m2 = self._outlines.n_pieces, max(scenario.map.accuracy_m, LEAST_ACCURACY_M) ** 2
         self._group = np.append([0, 0, 1], np.repeat(2 + np.arange(n_pieces), 2))
         self._scale2 = np.append(np.square(sensor.frame_std[1:]), np.full(n_pieces, self._accuracy_m2))
+        self._scale2[-4:] = FENCE_STD_M**2
         self._square = np.bincount(self._group) * self._scale2
         self._unknown: FloatArray = np.diag(np.square(sensor.frame_std))
         self._mean: FloatArray = np.zeros(3)
@@ -253,9 +257,7 @@ class Registration:
         square = np.stack([np.square(frames[:, :2]).sum(axis=-1), np.square(frames[:, 2])], axis=-1)
         score = -0.5 * np.log1p(square / (FREEDOM * self._scale2[:2])) @ (FREEDOM + np.array([2.0, 1.0]))
         for k in np.unique(np.linspace(0, len(self._scans) - 1, SEARCH_SCANS).astype(int)):
-            distance_m = self._outlines.rough_distance(self._on_map(self._scans[k], frames))
-            likelihood = np.exp(-0.5 * np.square(distance_m / SEARCH_STD_M)) + SEARCH_OUTLIERS
-            score += 0.5 * np.log(likelihood).sum(axis=-1)  # half, because the points of a scan share errors (assumed)
+            score += self._outlines.log_likelihood(self._on_map(self._scans[k], frames))
         best = score.argmax() if score.max() > score[0] + 2.0 else 0  # the grid is coarse (assumed)
         self._mean = frames[best]
         off = np.abs(frames - self._mean)
@@ -301,7 +303,7 @@ class Registration:
         rows[:, 2] = -(normal * turned(place_m - self.frame.pivot_m)).sum(axis=-1)
         rows[:, 5] = -(normal * turned(arm_m)).sum(axis=-1)
         rows[row, 6 + 2 * piece], rows[row, 7 + 2 * piece] = -normal.T
-        expected_m2 = self._noise_variance + self._scale2[-1] + np.square(rows[:, 3:6]) @ self._pose_variance
+        expected_m2 = self._noise_variance + self._scale2[2 + piece] + np.square(rows[:, 3:6]) @ self._pose_variance
         weight = (FREEDOM + 1.0) / (FREEDOM + np.square(distance_m) / expected_m2) / self._noise_variance
         information, vector = self._information, self._vector
         information += rows.T @ (weight[:, np.newaxis] * rows)
@@ -335,23 +337,21 @@ class Registration:
         variance[with_prior], variance[known] = self._scale2[self._group], covariance.diagonal()
         self._mean, self._covariance = self._at + change[:3], covariance[:3, :3]
         self._square = np.bincount(self._group, (np.square(base + change) + variance)[with_prior])
-        is_seen = is_known[6::2]
-        seen_m2 = 0.5 * (self._weights() * self._square)[2:][is_seen].sum()
-        self._scale2[2:] = (self._accuracy_m2 + seen_m2) / (1 + is_seen.sum())
+        is_seen = is_known[6:-8:2]  # without the fence
+        seen_m2 = 0.5 * (self._weights() * self._square)[2:-4][is_seen].sum()
+        self._scale2[2:-4] = (self._accuracy_m2 + seen_m2) / (1 + is_seen.sum())
 
     def _weights(self) -> FloatArray:
         """Return the mean precisions of the variables with a prior, relative to their scale."""
         return (FREEDOM + np.bincount(self._group)) / (FREEDOM + self._square / self._scale2)
 
 
-def observed_on_map(observation: Observation, frame: FrameEstimate) -> Observation:
-    """Return the observation with pose and bearing on the map; the same object while poses are not corrected."""
+def observed_on_map(observation: Observation, pose: FloatArray, frame: FrameEstimate) -> Observation:
+    """Return the observation with a pose (3,) and the bearing on the map; the same object without a correction."""
     if not frame.is_applied:
         return observation
-    x, y, cos, sin = observation["pose"].astype(np.float64)
-    x, y, yaw = frame.on_map(np.array([x, y, np.arctan2(sin, cos)]))
     corrected = {
-        "pose": np.array([x, y, np.cos(yaw), np.sin(yaw)], dtype=np.float32),
+        "pose": np.array([*pose[:2], np.cos(pose[2]), np.sin(pose[2])], dtype=np.float32),
         "bearing": turned(observation["bearing"].astype(np.float64), -frame.offset[2]).astype(np.float32),
     }
     return observation | corrected

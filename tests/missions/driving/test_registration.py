@@ -74,7 +74,7 @@ def test_sound_frames_change_nothing() -> None:
         for registration in route(name).register(np.zeros(3), np.random.default_rng(seed)):
             pose = np.array([1.0, 2.0, 3.0])
             assert registration.frame.on_map(pose) is pose
-            assert observed_on_map(observation, registration.frame) is observation
+            assert observed_on_map(observation, pose, registration.frame) is observation
             assert not registration.disagreement
 
 
