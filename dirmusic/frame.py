@@ -44,10 +44,10 @@ class FrameEstimate:
         """Return the pose on the map of a pose of the localisation, both x m, y m, yaw rad, shape (3,)."""
         if not self.is_applied:
             return pose
-        (x_m, y_m), angle_rad = (pose[:2] - self.pivot_m - self.offset[:2]).tolist(), float(self.offset[2])
-        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-        place_m = self.pivot_m + [cos * x_m + sin * y_m, cos * y_m - sin * x_m]
-        return np.append(place_m, math.remainder(pose[2] - angle_rad, 2.0 * math.pi))
+        x_m, y_m = (pose[:2] - self.pivot_m - self.offset[:2]).tolist()
+        cos, sin = math.cos(self.offset[2]), math.sin(self.offset[2])
+        turned_m = np.array([cos * x_m + sin * y_m, cos * y_m - sin * x_m])
+        return np.append(self.pivot_m + turned_m, math.remainder(pose[2] - self.offset[2], 2.0 * math.pi))
 
     def covariance_at(self, places_m: FloatArray) -> FloatArray:
         """Return the covariance of the error of the frame at places (..., 2) of the map, shape (..., 2, 2).
