@@ -265,8 +265,9 @@ class HelicalArray:
     def mounted(self, true: TrueArrayConfig) -> Self:
         """Return the array turned about the vertical axis and then tilted about its centre, as it is really mounted.
 
-        Assumed: the roll of an element about its own boresight, at most the tilt, does not matter. It changes gains
-        by at most 0.008 for a tilt of 5 degrees, because patterns are nearly round.
+        Assumed: the roll of an element about its own boresight, at most the tilt, does not matter. For a tilt of 5
+        degrees it would change the gains of the shipped patterns by 0.7 % of the largest rms, and by 3 % at most; each
+        element has a gain error of 5 %.
         """
         yaw_rad, tilt_rad, tilt_azimuth_rad = np.radians(
             [true.mount_yaw_deg, true.mount_tilt_deg, true.mount_tilt_azimuth_deg]
