@@ -13,7 +13,7 @@ distance from the outline that the map shows is, linearised,
 with the normal :math:`n_i`, the frame :math:`x = (o, \theta)`, the pose error :math:`e_k` of the scan, and the
 displacement :math:`d_j` on the map of the piece j. The prior of :math:`d_j` is a Student t distribution, so that pieces
 that the map shows at a wrong place lose their weight. Its scale, the accuracy of the map, is estimated as well; the
-stated accuracy counts as much as one piece.
+stated accuracy counts as much as one piece. So is the variance of the pose error, if it is larger than believed.
 
 The sum of the information of all scans is kept, without past pose errors, which are marginalised exactly. The scans are
 kept as well: when the frame moves, their points are associated with outlines again.
@@ -50,6 +50,10 @@ scans nearly redundant."""
 FENCE_STD_M, LEAST_ACCURACY_M = 0.05, 0.01
 """Standard deviation of the displacements of the sides of the fence, and the smallest one of pieces. Assumed; the fence
 defines the frame of the map, so only its unevenness counts. Stated deviations at the dock are proportional to it."""
+
+POSE_SCANS = 4.0
+"""Weight of the believed variance of the pose error in its estimate, in scans. Assumed; the estimate is used only if it
+is larger, so that stated deviations stay honest when poses are worse than believed."""
 
 SURFACE_STD_M = 0.02
 """Standard deviation of end points about a known outline from a known pose, besides the noise of the lidar. Assumed;
@@ -182,7 +186,8 @@ class Registration:
         sensor, self._size_m = scenario.pose_sensor, yard.size_m
         self._outlines = Outlines(yard, scenario.robot.description.lidar_height_m)
         self._noise_variance = scenario.lidar.range_std_m**2 + SURFACE_STD_M**2
-        self._pose_variance = np.square(np.maximum(sensor.std, 1e-4))
+        self._pose_variance = self._believed_variance = np.square(np.maximum(sensor.std, 1e-4))
+        self._pose_square = POSE_SCANS * self._believed_variance
         self._correlation = sensor.correlation
         # offset, rotation and each piece have a Student t prior: state variables, squared scale, and mean square
         n_pieces, self._accuracy_m2 = self._outlines.n_pieces, max(scenario.map.accuracy_m, LEAST_ACCURACY_M) ** 2
@@ -224,7 +229,8 @@ class Registration:
         hit = lidar_m < LIDAR_RANGE_M
         arm_m = lidar_m[hit, np.newaxis].astype(np.float64) * unit_vector(pose[2] + BEAM_RAD[hit])
         self._scans.append(LidarScan(time_s, pose[:2].copy(), arm_m))
-        if not self._is_found or len(self._scans).bit_count() == 1:  # powers of 2, so that the total time is linear
+        n_scans = len(self._scans)
+        if n_scans.bit_count() == 1 or (not self._is_found and n_scans < 32):  # so that the total time is linear
             self._search()
             self._relinearise()
         else:
@@ -232,6 +238,10 @@ class Registration:
             self._solve()
             if self._has_moved():
                 self._relinearise()
+        self._pose_square = self._pose_square + self._latest_square
+        expected = self._pose_square / (POSE_SCANS + n_scans)
+        expected[:2] = expected[:2].mean()
+        self._pose_variance = np.maximum(expected, self._believed_variance)
         self._decide()
         return True
 
@@ -336,6 +346,7 @@ class Registration:
         change[known] = covariance @ (self._vector - precision * base)[known]
         variance[with_prior], variance[known] = self._scale2[self._group], covariance.diagonal()
         self._mean, self._covariance = self._at + change[:3], covariance[:3, :3]
+        self._latest_square = np.square(change[3:6]) + covariance.diagonal()[3:6]
         self._square = np.bincount(self._group, (np.square(base + change) + variance)[with_prior])
         is_seen = is_known[6:-8:2]  # without the fence
         seen_m2 = 0.5 * (self._weights() * self._square)[2:-4][is_seen].sum()

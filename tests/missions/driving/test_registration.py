@@ -97,6 +97,20 @@ def test_covariance_is_honest(std_m: float) -> None:
     assert squares.max() < 40.0
 
 
+def test_covariance_is_honest_for_poses_worse_than_believed() -> None:
+    """With twice the believed deviations, the stated ones grow."""
+    squares = list[float]()
+    for seed, name in enumerate(YARDS * 3):
+        believed, rng = load_scenario(name), np.random.default_rng(seed)
+        frame = drawn_frame(rng)
+        doubled = {"position_std_m": 0.1, "heading_std_deg": 1.0}
+        true = Scenario.model_validate(believed.model_dump() | {"pose_sensor": doubled})
+        *_, last = route(name)._replace(scenario=true).register(frame, rng, believed)
+        error = last.frame.offset - frame
+        squares.append(float(error @ np.linalg.inv(last.frame.covariance) @ error))
+    assert np.mean(squares) < 1.5 * 3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("std_m", "n_moved"), [(0.0, 0), (0.05, 1), (0.15, 0)])
 def test_covariance_is_honest_in_200_missions(std_m: float, n_moved: int) -> None:
