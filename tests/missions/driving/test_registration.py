@@ -84,7 +84,7 @@ def test_uncorrected_frame_counts_as_an_error() -> None:
     for seed in range(6):
         *_, last = route("one_source").register(frame, np.random.default_rng(seed))
         if not last.frame.is_applied:
-            squares.append(frame @ np.linalg.inv(last.frame.covariance) @ frame)
+            squares.append(float(frame @ np.linalg.inv(last.frame.covariance) @ frame))
     assert len(squares) >= 3
     assert np.mean(squares) < 3.0
 
