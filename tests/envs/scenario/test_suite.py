@@ -21,22 +21,43 @@ NOT_FROZEN = {
 }
 """Tables and keys of beliefs that the files omit, so that the defaults of the code apply."""
 
+CHANGED = {"mismatch": {"nature"}}
+"""Tables in which the yards of the levels of version 2 differ from those of version 1 that they are made from."""
+
+YARDS = load_suite().yards
+FIRST = [each for each in YARDS if each.level not in CHANGED]
+"""Yards of version 1."""
+
 
 def test_yards_of_version_1_keep_their_geometry() -> None:
     """Shape and sites of catalogue equipment, which the files do not contain, must not change."""
     digest = hashlib.sha256()
-    for each in load_suite().yards:
+    for each in FIRST:
         yard = load_scenario(each.name).yard
         sites_m = [yard.site_position(name) for name in yard.site_names()]
         for numbers in (*vars(yard.solids).values(), np.array(sites_m)):
             digest.update((np.round(np.asarray(numbers, dtype=np.float64), 6) + 0.0).tobytes())  # turns -0 into 0
-    assert load_suite().version == 1
     assert digest.hexdigest() == "818337d1d344d41bd1b4e97cbdda1e75e5a57e6ab0fa219dc3e68f5375f7865a"
+
+
+def test_yards_of_version_2_differ_from_their_base_as_described() -> None:
+    """Missions in both can be compared in pairs, and neither part shows what the other holds."""
+    by_name, made = {each.name: each for each in FIRST}, Counter[tuple[str, str]]()
+    for each in YARDS:
+        if each.level in CHANGED:
+            text = each.path.read_text(encoding="utf-8")
+            base = by_name[text.splitlines()[1].removeprefix("# made from ")]
+            before, after = (tomllib.loads(file.read_text(encoding="utf-8")) for file in (base.path, each.path))
+            assert {key for key in {**before, **after} if before.get(key) != after.get(key)} == CHANGED[each.level]
+            assert base.part == each.part, each.name
+            made[each.level, each.part] += 1
+    assert set(made.values()) == {9}
+    assert load_suite().version == 2
 
 
 def test_file_sets_every_key() -> None:
     """Keys of `[nature]` may be left out, because they then have the values that the file states as believed."""
-    for each in load_suite().yards:
+    for each in YARDS:
         written = tomllib.loads(each.path.read_text(encoding="utf-8"))
         differing = {table: set(keys) for table, keys in written.get("nature", {}).items()}
         scenario = load_scenario(each.name)
@@ -46,25 +67,26 @@ def test_file_sets_every_key() -> None:
         assert written == meant, each.path.name
 
 
-def test_each_part_has_a_thousand_missions() -> None:
+def test_parts_have_as_many_missions_and_other_seeds() -> None:
     suite = load_suite()
     n_missions = Counter[str]()
-    for each in load_suite().yards:
+    for each in YARDS:
         n_missions[each.part] += len(suite.seeds[each.part])
-    assert n_missions == {"public": 1000, "test": 1000}
-    assert len(choose_yards("suite")) == 100
+    n_yards = 100 + 9 * len(CHANGED)
+    assert n_missions == {"public": 10 * n_yards, "test": 10 * n_yards}
+    assert len(choose_yards("suite")) == n_yards
     assert not set(suite.seeds["public"]) & set(suite.seeds["test"])
-    assert {each.level for each in load_suite().yards} == set(suite.levels)
-    assert len(list(SUITE.rglob("*.toml"))) == 1 + len(load_suite().yards)
+    assert {each.level for each in YARDS} == set(suite.levels)
+    assert len(list(SUITE.rglob("*.toml"))) == 1 + len(YARDS)
 
 
 def test_a_fifth_of_the_sources_are_off_the_catalogue_sites() -> None:
-    sources = [source for each in load_suite().yards for source in load_scenario(each.name).sources]
+    sources = [source for each in FIRST for source in load_scenario(each.name).sources]
     assert 0.18 <= np.mean([not source.sites for source in sources]) <= 0.25
 
 
 def test_levels_differ_as_described() -> None:
-    scenarios = {each.name: (each.level, load_scenario(each.name)) for each in load_suite().yards}
+    scenarios = {each.name: (each.level, load_scenario(each.name)) for each in FIRST}
     for name, (level, scenario) in scenarios.items():
         n_sources = len(scenario.sources)
         assert (2 <= n_sources <= 5) if level == "several" else n_sources == (level != "quiet"), name
@@ -75,6 +97,16 @@ def test_levels_differ_as_described() -> None:
         ), name
     clutter = [len(scenario.yard.equipment) for level, scenario in scenarios.values() if level == "cluttered"]
     assert Counter(clutter) == {n: 2 for n in range(1, 13)}
+
+
+def test_antennas_of_mismatch_are_evenly_spread() -> None:
+    """Each differs from the data sheet, which the robot goes by, in pattern or beam width; every third mount is off."""
+    scenarios = [load_scenario(each.name) for each in YARDS if each.level == "mismatch"]
+    true = [scenario.nature.array for scenario in scenarios]
+    assert {scenario.array for scenario in scenarios} == {load_scenario("suite/open_01").array}
+    assert set(Counter((array.pattern, array.beam_width_scale) for array in true).values()) == {3}
+    assert {array.pattern for array in true} == {None, "helix", "helix_in_ring"}
+    assert sum(bool(array.mount_yaw_deg or array.mount_tilt_deg) for array in true) == 6
 
 
 def test_unknown_part_of_the_suite_is_refused() -> None:
