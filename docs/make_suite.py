@@ -5,7 +5,7 @@ uv run python docs/make_suite.py mismatch   # one of them
 
 A new yard differs from its base in the tables that its level is about; missions in both can be compared in pairs.
 Yards of the public part are made from those of the public part, yards of the test part from those of the test part.
-The script ends with an error if a source could not be found; see `check_sources`.
+The script ends with an error if a source could not be found; see `Finder`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ import numpy as np
 import tomlkit
 
 from dirmusic.angles import aperture
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
 from pdpatrol.missions.planning.detectability import MARGIN_DB, DirectPaths
@@ -33,6 +35,9 @@ SEEN_FROM_M = (2.0, 8.0)
 SEEN_OVER_RAD = np.radians(40.0)
 """Angle, seen from the source, over which the places that detect it must spread."""
 
+FEW_HZ, STOPS_OVER_RAD = 1.0, np.radians(60.0)
+"""Largest pulse rate of sources that must be detectable from the waypoints, and the angle over which these spread."""
+
 Change = tuple[str, dict[str, Any]]
 """Name of a yard of version 1, and the tables to replace or add."""
 
@@ -43,6 +48,12 @@ Bases = Sequence[tuple[str, Sequence[int]]]
 def bases(part: str, levels: Bases) -> list[str]:
     """Return the names of some yards of version 1."""
     return [f"suite/{level}_{PARTS[part] + k:02}" for level, numbers in levels for k in numbers]
+
+
+def spread(part: str, rng: np.random.Generator, low: float, high: float, n: int) -> Iterator[float]:
+    """Return n values in random order; those of both parts together are evenly spaced from `low` to `high`."""
+    shares = (2.0 * np.arange(n) + (part == "test") + 0.5) / (2.0 * n)
+    return iter(rng.permutation(low + (high - low) * shares).tolist())
 
 
 ANTENNAS = (
@@ -73,36 +84,112 @@ def mismatch(part: str, rng: np.random.Generator) -> Iterator[Change]:
         yield name, {"nature": {"array": array}}
 
 
-LEVELS: Mapping[str, Callable[[str, np.random.Generator], Iterator[Change]]] = {"mismatch": mismatch}
+FRAMES = (
+    ("offset",),
+    ("rotation",),
+    ("offset", "rotation"),
+    ("offset", "bias"),
+    ("rotation", "worse"),
+    ("jumps",),
+    ("dropouts",),
+    ("worse", "jumps"),
+    ("bias", "dropouts"),
+)
+"""Errors of the localisation in each yard."""
+
+
+def frame(part: str, rng: np.random.Generator) -> Iterator[Change]:
+    """Make yards whose localisation is worse than the robot believes, in one or two ways."""
+    offsets_m, rotations_deg = spread(part, rng, 0.2, 1.0, 3), spread(part, rng, 0.3, 2.0, 3)
+    ratios = spread(part, rng, 1.5, 2.0, 2)
+    names = bases(part, [("open", (0, 3, 6)), ("cluttered", (4, 7, 9)), ("several", (1, 4, 7))])
+    for name, errors in zip(names, FRAMES, strict=True):
+        pose: dict[str, Any] = {}
+        for error in errors:
+            sign, towards_rad = float(rng.choice([-1.0, 1.0])), rng.uniform(0.0, 2.0 * np.pi)
+            if error == "offset":
+                offset_m = next(offsets_m) * np.array([np.cos(towards_rad), np.sin(towards_rad)])
+                pose["frame_offset_m"] = offset_m.round(3).tolist()
+            elif error == "rotation":
+                pose["frame_rotation_deg"] = round(sign * next(rotations_deg), 2)
+            elif error == "bias":
+                pose["heading_bias_deg"] = sign
+            elif error == "worse":
+                ratio = next(ratios)
+                pose |= {"position_std_m": round(0.05 * ratio, 4), "heading_std_deg": round(0.5 * ratio, 3)}
+            elif error == "jumps":
+                pose |= {"jumps_per_min": 1.0, "jump_std_m": 0.3, "jump_std_deg": 2.0}
+            else:
+                pose |= {"dropouts_per_min": 1.0, "dropout_s": 10.0}
+        yield name, {"nature": {"pose_sensor": pose}}
+
+
+def wet(part: str, rng: np.random.Generator) -> Iterator[Change]:
+    """Make yards with a ground that reflects more than the gravel that the robot assumes; a third of it is less wet."""
+    names = bases(part, [("cluttered", (1, 8, 11)), ("several", (2, 5, 8)), ("high", (2, 5, 8))])
+    for k, name in enumerate(names):
+        yield name, {"radio": {"ground": "moist_soil" if k % 3 == (part == "test") else "wet_soil"}}
+
+
+LEVELS: Mapping[str, Callable[[str, np.random.Generator], Iterator[Change]]] = {
+    "mismatch": mismatch,
+    "frame": frame,
+    "wet": wet,
+}
 """Functions that make the yards of one part of a level."""
 
 
-def check_sources(scenario: Scenario) -> None:
-    """Check that each source can be found at its lowest amplitude, wherever it may be.
+class Finder:
+    """Check of whether discharges can be found in a yard.
 
-    It is detectable, in direct sight, from reachable ground 2 to 8 m away over an angle of at least 40 degrees, and
-    from somewhere on the shortest path past the waypoints.
+    Args:
+        scenario: Scenario with the yard, route, true array and receiver.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        site_map = SiteMap(scenario, scenario.yard)
+        stops = [site_map.cell(stop_m) for stop_m in scenario.route.stops_m]
+        route = ShortestTours(site_map).in_order(stops).cells
+        reachable = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m))
+        cells = np.union1d(reachable, route)
+        self._places_m = site_map.centres_m[cells]
+        self._is_route, self._is_stop = np.isin(cells, route), np.isin(cells, stops)
+        # The margin also covers the narrowest beam, whose gain between two elements is 1.4 dB lower.
+        array = scenario.nature.array.applied_to(scenario.array)
+        self._direct = DirectPaths(array, scenario.receiver, site_map.sight)
+
+    def can_find(self, source: SourceConfig, place_m: FloatArray) -> bool:
+        """Return whether a source at a place (3,) can be found at its lowest amplitude.
+
+        It must be detectable, in direct sight, from reachable ground 2 to 8 m away over an angle of at least 40
+        degrees, and from somewhere on the shortest path past the waypoints. A source of few pulses must be detectable
+        from waypoints over 60 degrees.
+        """
+        away_m = self._places_m - place_m[:2]
+        range_m, aspect_rad = np.hypot(*away_m.T), np.arctan2(*away_m.T[::-1])
+        amplitude_v = source.amplitude_v * 10 ** (-source.amplitude_range_db / 40)
+        transmission, level_db = self._direct.levels(self._places_m, place_m, amplitude_v)
+        detects = (transmission >= MIN_TRANSMISSION) & (level_db >= MARGIN_DB)
+        near = detects & (range_m >= SEEN_FROM_M[0]) & (range_m <= SEEN_FROM_M[1])
+        seen_rad = aperture(aspect_rad[detects & self._is_stop]) if source.pulse_rate_hz <= FEW_HZ else np.pi
+        return bool(
+            aperture(aspect_rad[near]) >= SEEN_OVER_RAD
+            and (detects & self._is_route).any()
+            and seen_rad >= STOPS_OVER_RAD
+        )
+
+
+def check_sources(scenario: Scenario) -> None:
+    """Check that each source can be found wherever it may be.
 
     Raises:
-        ValueError: If a source is not.
+        ValueError: If a source cannot be found.
     """
-    site_map = SiteMap(scenario, scenario.yard)
-    reachable = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m))
-    route = ShortestTours(site_map).in_order([site_map.cell(stop_m) for stop_m in scenario.route.stops_m])
-    # The margin also covers the narrowest beam, whose gain between two elements is 1.4 dB lower.
-    direct = DirectPaths(scenario.nature.array.applied_to(scenario.array), scenario.receiver, site_map.sight)
+    finder = Finder(scenario)
     for source in scenario.sources:
-        amplitude_v = source.amplitude_v * 10 ** (-source.amplitude_range_db / 40)
         sites_m = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
         for place_m in sites_m or [np.array(source.position_m)]:
-            cells = np.unique(np.concatenate([reachable, route.cells]))
-            away_m = site_map.centres_m[cells] - place_m[:2]
-            range_m = np.hypot(*away_m.T)
-            transmission, level_db = direct.levels(site_map.centres_m[cells], place_m, amplitude_v)
-            detects = (transmission >= MIN_TRANSMISSION) & (level_db >= MARGIN_DB)
-            near = detects & (range_m >= SEEN_FROM_M[0]) & (range_m <= SEEN_FROM_M[1])
-            seen_rad = aperture(np.arctan2(*away_m[near].T[::-1]))
-            if seen_rad < SEEN_OVER_RAD or not np.isin(cells[detects], route.cells).any():
+            if not finder.can_find(source, place_m):
                 raise ValueError(f"{scenario.name}: {source.name} at {place_m.round(2)} cannot be found")
 
 
@@ -112,8 +199,9 @@ def toml_text(level: str, base: str, tables: Mapping[str, Any]) -> str:
     _, _, text = yard.path.read_text(encoding="utf-8").partition("\n")
     document = tomlkit.parse(text)
     for name, table in tables.items():
-        document.pop(name, None)
-        document.append(name, tomlkit.item(table))
+        if name in document and isinstance(table, dict):
+            table = {**document[name].unwrap(), **table}
+        document[name] = table
     return f"# {level}: {load_suite().levels[level]}\n# made from {base}\n{tomlkit.dumps(document)}"
 
 

@@ -145,7 +145,7 @@ def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
         x, y, z = rng.uniform(-half_m, half_m)
         world_from_part = level_transform(np.append(solids.centre_m[part], solids.yaw_rad[part]))
         inside_m = world_from_part @ (x, y, z + 0.5 * (top_m + bottom_m), 1.0)
-        place_m = _pushed_out(yard, inside_m[:3], off_m)
+        place_m = pushed_out(yard, inside_m[:3], off_m)
         if (
             yard.contains(place_m)
             and place_m[2] >= 0.2
@@ -162,7 +162,7 @@ def _distance(yard: Yard, place_m: FloatArray) -> float:
     return float(yard.solids.distance(place_m).min())
 
 
-def _pushed_out(yard: Yard, place_m: FloatArray, off_m: float) -> FloatArray:
+def pushed_out(yard: Yard, place_m: FloatArray, off_m: float) -> FloatArray:
     """Move a place (3,) along the gradient of the distance to equipment until the distance is `off_m`."""
     step = 1e-4 * np.eye(3)
     for _ in range(4):

@@ -113,7 +113,7 @@ class Simulation:
         self.info = {key: getattr(self.states, key) for key in INFO_KEYS} | {"is_success": self.states.success}
         self._held = Held((self.states, parameters, self.layout.bounds))
         self._n_threads = n_threads or os.cpu_count() or 1
-        self._surroundings = surroundings_of(scenario.yard, second_order=scenario.radio.second_order)
+        self._surroundings = surroundings_of(scenario.yard, scenario.radio)
         self._all_rows = np.arange(n_robots)
         self.truths: list[dict[str, Any]] = [{}] * n_robots
         self.generators, self._monitors = dict[int, Generators](), dict[int, ChannelMonitor]()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -76,6 +76,17 @@ KERB = Material.of_loss(5.24, 0.0, 1.0, flat_share=0.0)
 
 GRAVEL = Material.of_loss(3.5, 0.0, 0.0, flat_share=1.0)
 """Ground of dry gravel. Assumed; ITU-R P.527 gives a permittivity of 3 to 4 for dry soil."""
+
+GroundName = Literal["gravel", "moist_soil", "wet_soil", "concrete", "asphalt"]
+GROUNDS: dict[GroundName, Material] = {
+    "gravel": GRAVEL,
+    "moist_soil": Material.of_loss(15.0 * FREQUENCY_GHZ**-0.1, 0.035 * FREQUENCY_GHZ**1.63, 0.0, flat_share=1.0),
+    "wet_soil": Material.of_loss(30.0 * FREQUENCY_GHZ**-0.4, 0.15 * FREQUENCY_GHZ**1.30, 0.0, flat_share=1.0),
+    "concrete": CONCRETE._replace(transmission=1.0),
+    "asphalt": Material.of_loss(6.0, 0.0, 0.0, flat_share=1.0),
+}
+"""Materials of the ground, all smooth (assumed). Soils: ITU-R P.2040-3, table 3, medium dry and wet ground. Asphalt:
+Shang et al. 1999, dry specimens up to 1.5 GHz; soaked ones have 6.5, which changes reflections by 4 %."""
 
 KIND_MATERIALS: dict[str, Material] = {
     "building": CONCRETE,

@@ -136,8 +136,10 @@ class Surroundings(NamedTuple):
     second_order: bool = False
 
     @classmethod
-    def of_kinds(cls, kinds: Sequence[str], solids: Rows, *, second_order: bool = False) -> Self:
-        """Create surroundings from the kind of each piece of equipment, with a gravel ground.
+    def of_kinds(
+        cls, kinds: Sequence[str], solids: Rows, *, ground: Material = GRAVEL, second_order: bool = False
+    ) -> Self:
+        """Create surroundings from the kind of each piece of equipment.
 
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
@@ -146,7 +148,7 @@ class Surroundings(NamedTuple):
             (ROUND_MATERIALS if solid.radius_m > 0.0 else KIND_MATERIALS)[kinds[int(solid.owner)]] for solid in solids
         ]
         obstacles = made_of(solids, materials)
-        return cls(faces_of(obstacles), GRAVEL, obstacles, second_order)
+        return cls(faces_of(obstacles), ground, obstacles, second_order)
 
 
 @compiled

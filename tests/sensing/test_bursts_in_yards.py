@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario, shipped_scenarios
-from pdpatrol.envs.scenario.radio import surroundings_of
+from pdpatrol.envs.scenario.radio import RadioConfig, surroundings_of
 from pdpatrol.sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
 from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.receiver import Receiver
@@ -24,7 +24,7 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
     scenario, rng = load_scenario(name), np.random.default_rng(0)
     yard, array = scenario.yard, HelicalArray.nominal(scenario.array)
     threshold_v = Receiver(CONFIG, array.n_elements).threshold_v
-    surroundings = surroundings_of(yard, second_order=second_order)
+    surroundings = surroundings_of(yard, RadioConfig(second_order=second_order))
     n_rejected = n_triggered = 0
     for _ in range(N_PLACES):
         axis, turn_rad = rng.standard_normal(3), rng.uniform(-np.pi, np.pi)

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pdpatrol.envs.scenario import ScenarioError, load_scenario
+from pdpatrol.envs.scenario.radio import BELIEVED, surroundings_of
 from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
 
 FloatArray = NDArray[np.float64]
@@ -21,7 +22,7 @@ NOT_FROZEN = {
 }
 """Tables and keys of beliefs that the files omit, so that the defaults of the code apply."""
 
-CHANGED = {"mismatch": {"nature"}}
+CHANGED = {"mismatch": {"nature"}, "frame": {"nature"}, "wet": {"radio"}}
 """Tables in which the yards of the levels of version 2 differ from those of version 1 that they are made from."""
 
 YARDS = load_suite().yards
@@ -107,6 +108,42 @@ def test_antennas_of_mismatch_are_evenly_spread() -> None:
     assert set(Counter((array.pattern, array.beam_width_scale) for array in true).values()) == {3}
     assert {array.pattern for array in true} == {None, "helix", "helix_in_ring"}
     assert sum(bool(array.mount_yaw_deg or array.mount_tilt_deg) for array in true) == 6
+
+
+def test_localisation_of_frame_is_off_within_bounds() -> None:
+    """One or two errors a yard, each in four or more; the robot believes in none of them."""
+    n_yards = Counter[str]()
+    for each in YARDS:
+        if each.level != "frame":
+            continue
+        scenario = load_scenario(each.name)
+        true, believed = scenario.nature.pose_sensor, scenario.pose_sensor
+        ratio = true.applied_to(believed).position_std_m / believed.position_std_m
+        offset_m, rotation_deg = np.hypot(*true.frame_offset_m), abs(true.frame_rotation_deg)
+        assert offset_m == 0.0 or 0.2 <= offset_m <= 1.0, each.name
+        assert rotation_deg == 0.0 or 0.3 <= rotation_deg <= 2.0, each.name
+        assert ratio == 1.0 or 1.5 <= ratio <= 2.0, each.name
+        assert true.applied_to(believed).heading_std_deg == pytest.approx(ratio * believed.heading_std_deg, rel=1e-3)
+        assert abs(true.heading_bias_deg) in (0.0, 1.0), each.name
+        errors = {
+            "offset": offset_m > 0.0,
+            "rotation": rotation_deg > 0.0,
+            "worse": ratio > 1.0,
+            "bias": true.heading_bias_deg != 0.0,
+            "jumps": true.jumps_per_min > 0.0,
+            "dropouts": true.dropouts_per_min > 0.0,
+        }
+        assert 1 <= sum(errors.values()) <= 2, each.name
+        n_yards.update(name for name, given in errors.items() if given)
+    assert min(n_yards.values()) >= 4
+    assert len(n_yards) == 6
+
+
+def test_ground_of_wet_reflects_more_than_the_robot_assumes() -> None:
+    for each in YARDS:
+        scenario = load_scenario(each.name)
+        true, believed = (surroundings_of(scenario.yard, radio).ground for radio in (scenario.radio, BELIEVED))
+        assert (true.largest_reflection > 1.5 * believed.largest_reflection) == (each.level == "wet"), each.name
 
 
 def test_unknown_part_of_the_suite_is_refused() -> None:

@@ -11,7 +11,14 @@ from dirmusic import GainPattern
 from pdpatrol.sensing import ArrayConfig, HelicalArray, Surroundings, level_transform
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.arrivals import Propagation, propagate
-from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M
+from pdpatrol.sensing.radio.materials import (
+    FREQUENCY_GHZ,
+    GROUNDS,
+    KIND_MATERIALS,
+    LOSS_FACTOR,
+    WAVELENGTH_M,
+    GroundName,
+)
 from pdpatrol.sensing.radio.surroundings import made_of
 from tests.sensing.listening import NOMINAL, listen, source_at, table_of
 from tests.sensing.scenes import lossy, origins_m, solids_at, wall_face
@@ -118,10 +125,13 @@ def test_transmissions_of_pieces_multiply() -> None:
     assert abs(passed[0]) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("name", GROUNDS)
 @pytest.mark.parametrize("is_upright", [True, False])
-def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
+def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool, name: GroundName) -> None:
     """Complex sum over 2 to 60 m, both polarisations, by Fresnel's formulas: within 0.1 dB."""
-    surroundings = Surroundings(ground=GRAVEL)
+    ground = GROUNDS[name]
+    permittivity = ground.permittivity - 1j * LOSS_FACTOR * ground.conductivity_spm / FREQUENCY_GHZ
+    surroundings = Surroundings(ground=ground)
     k, up_m, down_m = 2 * np.pi / WAVELENGTH_M, 1.4, 0.6
     for distance_m in np.linspace(2.0, 60.0, 300):
         axis = (0.0, 0.0, 1.0) if is_upright else (0.0, 1.0, 0.0)
@@ -129,9 +139,9 @@ def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
         level = abs((paths.factor / paths.range_m * np.exp(-1j * k * paths.range_m)).sum())
         direct_m, bounced_m = np.hypot(distance_m, up_m - down_m), np.hypot(distance_m, up_m + down_m)
         sine = (up_m + down_m) / bounced_m
-        root = np.sqrt(GRAVEL.permittivity - 1 + sine**2)
+        root = np.sqrt(permittivity - 1 + sine**2)
         horizontal = (sine - root) / (sine + root)
-        vertical = (GRAVEL.permittivity * sine - root) / (GRAVEL.permittivity * sine + root)
+        vertical = (permittivity * sine - root) / (permittivity * sine + root)
         reflected = vertical if is_upright else horizontal
         expected = abs(np.exp(-1j * k * direct_m) / direct_m + reflected * np.exp(-1j * k * bounced_m) / bounced_m)
         assert 20 * np.log10(level / expected) == pytest.approx(0.0, abs=0.1)
