@@ -11,7 +11,9 @@ The script ends with an error if a source could not be found; see `Finder`.
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations, count
 from typing import Any
 
 import numpy as np
@@ -20,11 +22,14 @@ import tomlkit
 from dirmusic.angles import aperture
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.random_yard import pushed_out
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
-from pdpatrol.missions.planning.detectability import MARGIN_DB, DirectPaths
+from pdpatrol.missions.planning.cover import candidates, cover, coverage
+from pdpatrol.missions.planning.detectability import MARGIN_DB, DirectPaths, compute_detectability
 from pdpatrol.missions.planning.tour import ShortestTours
+from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M
 
 PARTS = {"public": 1, "test": 51}
 """Number of the first yard of each level, by part."""
@@ -45,9 +50,56 @@ Bases = Sequence[tuple[str, Sequence[int]]]
 """Levels of version 1 and numbers of the yards in each, from 0."""
 
 
+def tables_of(base: str) -> dict[str, Any]:
+    """Return the tables of a yard as its file states them."""
+    return tomllib.loads(choose_yards(base)[0].path.read_text(encoding="utf-8"))
+
+
 def bases(part: str, levels: Bases) -> list[str]:
     """Return the names of some yards of version 1."""
     return [f"suite/{level}_{PARTS[part] + k:02}" for level, numbers in levels for k in numbers]
+
+
+class Finder:
+    """Check of whether discharges can be found in a yard.
+
+    Args:
+        scenario: Scenario with the yard, route, true array and receiver.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        site_map = SiteMap(scenario, scenario.yard)
+        stops = [site_map.cell(stop_m) for stop_m in scenario.route.stops_m]
+        route = ShortestTours(site_map).in_order(stops).cells
+        reachable = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m))
+        cells = np.union1d(reachable, route)
+        self._places_m = site_map.centres_m[cells]
+        self._is_route, self._is_stop = np.isin(cells, route), np.isin(cells, stops)
+        # The margin also covers the narrowest beam, whose gain is up to 1.6 dB lower 60 degrees above the horizon.
+        array = scenario.nature.array.applied_to(scenario.array)
+        self._direct = DirectPaths(array, scenario.receiver, site_map.sight)
+
+    def can_find(self, place_m: FloatArray, source: SourceConfig | None = None) -> bool:
+        """Return whether a source, by default the first one, can be found at a place (3,) at its lowest amplitude.
+
+        It must be detectable, in direct sight, from reachable ground 2 to 8 m away over an angle of at least 40
+        degrees, and from somewhere on the shortest path past the waypoints. A source of few pulses must be detectable
+        from waypoints over 60 degrees.
+        """
+        source = source or self.scenario.sources[0]
+        away_m = self._places_m - place_m[:2]
+        range_m, aspect_rad = np.hypot(*away_m.T), np.arctan2(*away_m.T[::-1])
+        amplitude_v = source.amplitude_v * 10 ** (-source.amplitude_range_db / 40)
+        transmission, level_db = self._direct.levels(self._places_m, place_m, amplitude_v)
+        detects = (transmission >= MIN_TRANSMISSION) & (level_db >= MARGIN_DB)
+        near = detects & (range_m >= SEEN_FROM_M[0]) & (range_m <= SEEN_FROM_M[1])
+        seen_rad = aperture(aspect_rad[detects & self._is_stop]) if source.pulse_rate_hz <= FEW_HZ else np.pi
+        return bool(
+            aperture(aspect_rad[near]) >= SEEN_OVER_RAD
+            and (detects & self._is_route).any()
+            and seen_rad >= STOPS_OVER_RAD
+        )
 
 
 def spread(part: str, rng: np.random.Generator, low: float, high: float, n: int) -> Iterator[float]:
@@ -131,52 +183,113 @@ def wet(part: str, rng: np.random.Generator) -> Iterator[Change]:
         yield name, {"radio": {"ground": "moist_soil" if k % 3 == (part == "test") else "wet_soil"}}
 
 
+CLOSE_M = ((0.3, 0.5), (0.5, 1.0), (1.0, 2.0))
+"""Ranges of distances between two discharges, each for a third of the yards."""
+
+
+def close(part: str, rng: np.random.Generator) -> Iterator[Change]:
+    """Make yards with two discharges near each other, of the same kind, phase, rate and mean level in most of them.
+
+    Sites of the catalogue are at least 0.5 m apart. Below that, the second discharge is on the surface next to a site.
+    """
+    names = bases(part, [("open", range(9)), ("cluttered", range(12)), ("high", range(9))])
+    finders = {str(name): Finder(load_scenario(name)) for name in rng.permutation(names)}
+    for number, limits_m in enumerate(CLOSE_M):
+        for k, distance_m in enumerate(spread(part, rng, *limits_m, 3)):
+            pairs = pairs_of_sites(finders, distance_m) if number else sites_with_neighbours(finders, distance_m, rng)
+            name, places = next(pairs)
+            del finders[name]
+            first = {key: value for key, value in tables_of(name)["sources"][0].items() if key not in PLACE_KEYS}
+            first["conductor_deg"] = float(rng.choice([0.0, 120.0, 240.0]))
+            second = dict(first)
+            if k == 2 and number == 1 + (part == "test"):
+                second["amplitude_v"] = 0.5 * first["amplitude_v"]
+            elif k == 2 and number == 2 - (part == "test"):
+                second["kind"] = "void" if first["kind"] == "corona" else "corona"
+            both = enumerate(zip(places, (first, second), strict=True), 1)
+            yield name, {"sources": [{"name": f"discharge_{n}", **place, **rest} for n, (place, rest) in both]}
+
+
+PLACE_KEYS = ("name", "sites", "position_m")
+
+Places = tuple[dict[str, Any], dict[str, Any]]
+"""Keys of the places of two discharges."""
+
+
+def pairs_of_sites(finders: Mapping[str, Finder], distance_m: float) -> Iterator[tuple[str, Places]]:
+    """Yield yards with two sites at which discharges can be found, by how near their distance is to a given one."""
+    pairs: list[tuple[float, str, str, str]] = []
+    for name, finder in finders.items():
+        yard = finder.scenario.yard
+        for one, other in combinations(yard.site_names(), 2):
+            apart_m = np.linalg.norm(yard.site_position(one) - yard.site_position(other))
+            pairs.append((round(abs(float(apart_m) - distance_m), 3), name, one, other))
+    for _, name, *sites in sorted(pairs, key=lambda pair: pair[0]):
+        if all(finders[name].can_find(finders[name].scenario.yard.site_position(site)) for site in sites):
+            yield name, ({"sites": [sites[0]]}, {"sites": [sites[1]]})
+
+
+def sites_with_neighbours(
+    finders: Mapping[str, Finder], distance_m: float, rng: np.random.Generator
+) -> Iterator[tuple[str, Places]]:
+    """Yield yards with a site and a place at a distance from it on the same surface; both can be found."""
+    for name, finder in finders.items():
+        yard = finder.scenario.yard
+        for site in rng.permutation(yard.site_names()).tolist():
+            site_m, direction = yard.site_position(site), rng.standard_normal((50, 3))
+            for unit in direction / np.linalg.norm(direction, axis=1, keepdims=True):
+                place_m = pushed_out(yard, site_m + distance_m * unit, SITE_STANDOFF_M).round(3)
+                off_m = yard.solids.distance(place_m).min()
+                if (
+                    abs(np.linalg.norm(place_m - site_m) - distance_m) < 0.02
+                    and abs(off_m - SITE_STANDOFF_M) < 0.5 * SITE_STANDOFF_M
+                    and place_m[2] >= 0.2
+                    and yard.contains(place_m)
+                    and finder.can_find(site_m)
+                    and finder.can_find(place_m)
+                ):
+                    yield name, ({"sites": [site]}, {"sites": [], "position_m": place_m.tolist()})
+                    break
+
+
+SLOW_HZ = (0.05, 1.0)
+"""Range of pulse rates, evenly spread in their logarithm."""
+
+
+def slow(part: str, rng: np.random.Generator) -> Iterator[Change]:
+    """Make yards with one to three discharges of few pulses, a third of them with pauses, and a route past stops.
+
+    The robot only passes the stops. When `[route]` has a dwell time, add it to `route` here and run this again.
+    """
+    log_rates, numbers = spread(part, rng, np.log(SLOW_HZ[0]), np.log(SLOW_HZ[1]), 18), count()
+    for n_sources, level in ((1, ("cluttered", (3, 5, 6))), (2, ("several", (0, 1, 4))), (3, ("several", (2, 3, 6)))):
+        for name in bases(part, [level]):
+            sources = tables_of(name)["sources"][:n_sources]
+            for source in sources:
+                source["pulse_rate_hz"] = round(float(np.exp(next(log_rates))), 3)
+                if next(numbers) % 3 == 1:
+                    source["duty_s"] = rng.uniform(20.0, 90.0, 2).round().tolist()
+            route = {"waypoints_m": stops_past_all_sites(load_scenario(name)).tolist()}
+            yield name, {"sources": sources, "route": route, "task": {"time_limit_s": 900.0}}
+
+
+def stops_past_all_sites(scenario: Scenario) -> FloatArray:
+    """Return few stops, (n, 2) in order, from which each site of the map is detectable over `STOPS_OVER_RAD`."""
+    site_map = SiteMap(scenario)
+    where = compute_detectability(scenario, site_map)
+    required_rad = np.minimum(coverage(where, where.cells)[:, 0], STOPS_OVER_RAD)
+    columns = cover(where, candidates(where, site_map.clearance_m[where.cells], required_rad), required_rad)
+    return site_map.centres_m[ShortestTours(site_map).shortest(where.cells[columns].tolist()).stops]
+
+
 LEVELS: Mapping[str, Callable[[str, np.random.Generator], Iterator[Change]]] = {
     "mismatch": mismatch,
     "frame": frame,
+    "close": close,
+    "slow": slow,
     "wet": wet,
 }
 """Functions that make the yards of one part of a level."""
-
-
-class Finder:
-    """Check of whether discharges can be found in a yard.
-
-    Args:
-        scenario: Scenario with the yard, route, true array and receiver.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        site_map = SiteMap(scenario, scenario.yard)
-        stops = [site_map.cell(stop_m) for stop_m in scenario.route.stops_m]
-        route = ShortestTours(site_map).in_order(stops).cells
-        reachable = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m))
-        cells = np.union1d(reachable, route)
-        self._places_m = site_map.centres_m[cells]
-        self._is_route, self._is_stop = np.isin(cells, route), np.isin(cells, stops)
-        # The margin also covers the narrowest beam, whose gain between two elements is 1.4 dB lower.
-        array = scenario.nature.array.applied_to(scenario.array)
-        self._direct = DirectPaths(array, scenario.receiver, site_map.sight)
-
-    def can_find(self, source: SourceConfig, place_m: FloatArray) -> bool:
-        """Return whether a source at a place (3,) can be found at its lowest amplitude.
-
-        It must be detectable, in direct sight, from reachable ground 2 to 8 m away over an angle of at least 40
-        degrees, and from somewhere on the shortest path past the waypoints. A source of few pulses must be detectable
-        from waypoints over 60 degrees.
-        """
-        away_m = self._places_m - place_m[:2]
-        range_m, aspect_rad = np.hypot(*away_m.T), np.arctan2(*away_m.T[::-1])
-        amplitude_v = source.amplitude_v * 10 ** (-source.amplitude_range_db / 40)
-        transmission, level_db = self._direct.levels(self._places_m, place_m, amplitude_v)
-        detects = (transmission >= MIN_TRANSMISSION) & (level_db >= MARGIN_DB)
-        near = detects & (range_m >= SEEN_FROM_M[0]) & (range_m <= SEEN_FROM_M[1])
-        seen_rad = aperture(aspect_rad[detects & self._is_stop]) if source.pulse_rate_hz <= FEW_HZ else np.pi
-        return bool(
-            aperture(aspect_rad[near]) >= SEEN_OVER_RAD
-            and (detects & self._is_route).any()
-            and seen_rad >= STOPS_OVER_RAD
-        )
 
 
 def check_sources(scenario: Scenario) -> None:
@@ -189,14 +302,13 @@ def check_sources(scenario: Scenario) -> None:
     for source in scenario.sources:
         sites_m = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
         for place_m in sites_m or [np.array(source.position_m)]:
-            if not finder.can_find(source, place_m):
+            if not finder.can_find(place_m, source):
                 raise ValueError(f"{scenario.name}: {source.name} at {place_m.round(2)} cannot be found")
 
 
 def toml_text(level: str, base: str, tables: Mapping[str, Any]) -> str:
     """Return the text of a yard: that of its base, with other tables."""
-    (yard,) = choose_yards(base)
-    _, _, text = yard.path.read_text(encoding="utf-8").partition("\n")
+    _, _, text = choose_yards(base)[0].path.read_text(encoding="utf-8").partition("\n")
     document = tomlkit.parse(text)
     for name, table in tables.items():
         if name in document and isinstance(table, dict):

@@ -22,7 +22,13 @@ NOT_FROZEN = {
 }
 """Tables and keys of beliefs that the files omit, so that the defaults of the code apply."""
 
-CHANGED = {"mismatch": {"nature"}, "frame": {"nature"}, "wet": {"radio"}}
+CHANGED = {
+    "mismatch": {"nature"},
+    "frame": {"nature"},
+    "close": {"sources"},
+    "slow": {"sources", "route", "task"},
+    "wet": {"radio"},
+}
 """Tables in which the yards of the levels of version 2 differ from those of version 1 that they are made from."""
 
 YARDS = load_suite().yards
@@ -137,6 +143,37 @@ def test_localisation_of_frame_is_off_within_bounds() -> None:
         n_yards.update(name for name, given in errors.items() if given)
     assert min(n_yards.values()) >= 4
     assert len(n_yards) == 6
+
+
+def test_discharges_of_close_are_near_and_mostly_alike() -> None:
+    """Six pairs at 0.3 to 0.5 m, at 0.5 to 1 m and at 1 to 2 m; two of nine pairs differ in kind or in level."""
+    apart_m, alike = list[float](), list[bool]()
+    for each in YARDS:
+        if each.level != "close":
+            continue
+        scenario = load_scenario(each.name)
+        first, second = scenario.sources
+        one_m, other_m = (
+            np.array(source.position_m or scenario.yard.site_position(*scenario.candidate_sites(source)))
+            for source in (first, second)
+        )
+        apart_m.append(float(np.linalg.norm(one_m - other_m)))
+        assert first.conductor_deg == second.conductor_deg in (0.0, 120.0, 240.0), each.name
+        assert first.pulse_rate_hz == second.pulse_rate_hz, each.name
+        alike.append((first.kind, first.amplitude_v) == (second.kind, second.amplitude_v))
+    assert np.histogram(apart_m, [0.3, 0.5, 1.0, 2.0])[0].tolist() == [6, 6, 6]
+    assert (len(alike), sum(alike)) == (18, 14)
+
+
+def test_discharges_of_slow_have_few_pulses() -> None:
+    """One to three a yard, with rates evenly spread in their logarithm, a third with pauses."""
+    scenarios = [load_scenario(each.name) for each in YARDS if each.level == "slow"]
+    sources = [source for scenario in scenarios for source in scenario.sources]
+    rates_hz = sorted(source.pulse_rate_hz for source in sources)
+    assert Counter(len(scenario.sources) for scenario in scenarios) == {1: 6, 2: 6, 3: 6}
+    assert {scenario.task.time_limit_s for scenario in scenarios} == {900.0}
+    np.testing.assert_allclose(rates_hz, np.geomspace(0.05, 1.0, 2 * len(sources) + 1)[1::2], atol=6e-4)
+    assert sum(source.duty_s is not None for source in sources) == len(sources) / 3
 
 
 def test_ground_of_wet_reflects_more_than_the_robot_assumes() -> None:
