@@ -42,8 +42,6 @@ class FrameEstimate:
 
     def on_map(self, pose: FloatArray) -> FloatArray:
         """Return the pose on the map of a pose of the localisation, both x m, y m, yaw rad, shape (3,)."""
-        if not self.is_applied:
-            return pose
         x_m, y_m = (pose[:2] - self.pivot_m - self.offset[:2]).tolist()
         cos, sin = math.cos(self.offset[2]), math.sin(self.offset[2])
         turned_m = np.array([cos * x_m + sin * y_m, cos * y_m - sin * x_m])

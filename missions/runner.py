@@ -20,7 +20,7 @@ from pdpatrol.envs import Scenario
 from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
-from pdpatrol.missions.driving.registration import Registration, observed_on_map
+from pdpatrol.missions.driving.registration import Registration
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.policies.make_policy import Oracle, OwnPolicy, make_policy
@@ -176,9 +176,7 @@ class Mission:
         """
         localised = info["believed_pose"]
         is_new = self.registration.update(info["time_s"], localised, observation["lidar"])
-        frame = self.registration.frame
-        pose = frame.on_map(localised)
-        return observed_on_map(observation, pose, frame), pose, is_new
+        return *self.registration.corrected(observation, localised), is_new
 
     def step(self) -> None:
         """Run one control step: decide, drive, detect, locate, and log all of it."""

@@ -216,6 +216,23 @@ class Registration:
             f"{np.hypot(*frame.offset[:2]):.2f} +- {np.hypot(*std[:2]):.2f} m at the dock: poses are corrected"
         )
 
+    def corrected(self, observation: Observation, localised: FloatArray) -> tuple[Observation, FloatArray]:
+        """Return an observation and its pose (3,) on the map; the same objects while poses are not corrected.
+
+        Args:
+            observation: Observation of the environment.
+            localised: Its pose as the localisation gives it, x m, y m, yaw rad, shape (3,).
+        """
+        frame = self.frame
+        if not frame.is_applied:
+            return observation, localised
+        pose = frame.on_map(localised)
+        on_map = {
+            "pose": np.array([*pose[:2], np.cos(pose[2]), np.sin(pose[2])], dtype=np.float32),
+            "bearing": turned(observation["bearing"].astype(np.float64), -frame.offset[2]).astype(np.float32),
+        }
+        return observation | on_map, pose
+
     def update(self, time_s: float, pose: FloatArray, lidar_m: NDArray[np.floating]) -> bool:
         """Add a scan if at least `SCAN_PERIOD_S` have passed since the last one, and return whether it was added.
 
@@ -355,14 +372,3 @@ class Registration:
     def _weights(self) -> FloatArray:
         """Return the mean precisions of the variables with a prior, relative to their scale."""
         return (FREEDOM + np.bincount(self._group)) / (FREEDOM + self._square / self._scale2)
-
-
-def observed_on_map(observation: Observation, pose: FloatArray, frame: FrameEstimate) -> Observation:
-    """Return the observation with a pose (3,) and the bearing on the map; the same object without a correction."""
-    if not frame.is_applied:
-        return observation
-    corrected = {
-        "pose": np.array([*pose[:2], np.cos(pose[2]), np.sin(pose[2])], dtype=np.float32),
-        "bearing": turned(observation["bearing"].astype(np.float64), -frame.offset[2]).astype(np.float32),
-    }
-    return observation | corrected

@@ -12,7 +12,6 @@ from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray
 from dirmusic.frame import FrameEstimate, turned
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.missions.driving.registration import observed_on_map
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from tests.missions.driving.scans import ScannedRoute, with_wrong_map
@@ -73,8 +72,9 @@ def test_sound_frames_change_nothing() -> None:
     for seed, name in enumerate(YARDS):
         for registration in route(name).register(np.zeros(3), np.random.default_rng(seed)):
             pose = np.array([1.0, 2.0, 3.0])
-            assert registration.frame.on_map(pose) is pose
-            assert observed_on_map(observation, pose, registration.frame) is observation
+            on_map = registration.corrected(observation, pose)
+            assert on_map[0] is observation
+            assert on_map[1] is pose
             assert not registration.disagreement
 
 
