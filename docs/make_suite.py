@@ -3,7 +3,7 @@
 uv run python docs/make_suite.py            # all of these levels
 uv run python docs/make_suite.py mismatch   # one of them
 
-A new yard differs from its base in the tables that its level is about; missions in both can be compared in pairs.
+A new yard differs from its base only in the tables that its level is about.
 Yards of the public part are made from those of the public part, yards of the test part from those of the test part.
 The script ends with an error if a source could not be found; see `Finder`.
 """

@@ -48,7 +48,7 @@ def test_yards_of_version_1_keep_their_geometry() -> None:
 
 
 def test_yards_of_version_2_differ_from_their_base_as_described() -> None:
-    """Missions in both can be compared in pairs, and neither part shows what the other holds."""
+    """Nothing else differs, and no yard of one part is made from one of the other."""
     by_name, made = {each.name: each for each in FIRST}, Counter[tuple[str, str]]()
     for each in YARDS:
         if each.level in CHANGED:
