@@ -2,7 +2,8 @@
 
 Each channel is left out in turn. If the other channels agree on a direction, they predict the strength of the pulse in
 the omitted channel. A channel is faulty if the prediction is wrong in the same sense for many pulses, and the other
-channels agree once it is omitted.
+channels agree once it is omitted. An error of the pattern that all elements share must not explain the pulses nearly as
+well: a wrong data sheet is not a fault of a channel.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from dirmusic.angles import aperture
 from dirmusic.array.model import ArrayModel
 from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.bearing.common_pattern import N_SECTORS, correct_common_error, nearest_directions, sector
 from dirmusic.bearing.estimators import BearingEstimator
 from dirmusic.bearing.maximum_likelihood import in_plane_likelihood, maximum_likelihood
 from dirmusic.pulses.batch import Bearings, PulseBatch
@@ -68,12 +70,15 @@ class ChannelMonitor:
         MOST_CHECKS: Maximum number of checks per call; a call with many pulses checks less often.
         CHECKED_MISFIT: Upper quartile of the misfit below which a check stops, because the channels agree.
         WINDOW: Number of latest pulses that a check uses.
+        HISTORY: Number of latest pulses from which the common error of the pattern is estimated.
+        PER_SECTOR: Number of latest pulses of each sector of azimuth that are used for this.
         TESTED_SHARE: Minimum predicted strength of a channel, as a fraction of the strongest, for a pulse to test it.
         LEAST_PULSES: Minimum number of pulses that must test a channel.
         FAULT_DB: Minimum median deviation of a faulty channel; well above the spread of real arrays.
         EACH_DB: Minimum deviation, in the same sense, that nine out of ten pulses must show.
         DEAD_DB: Deviation below which a channel is dead rather than low.
-        CURED_SHARE: Fraction of its previous value below which the median misfit must fall without the channel.
+        CURED_SHARE: Fraction of its previous value below which the median misfit must fall without the channel, with
+            and without a common error of the pattern.
         AGREED_MISFIT: Median misfit below which the other channels agree.
         STUCK_SPREAD: Relative spread of the strengths below which a channel is stuck.
         SWAP_PULSES: Minimum number of pulses for two channels to be reported as swapped; the fault of a single channel
@@ -83,12 +88,14 @@ class ChannelMonitor:
         CERTAIN_DB: Deviation beyond which a channel is faulty whatever the spread of the directions; pattern errors are
             smaller than this.
         LEAST_CHANNELS: Minimum number of good channels; with fewer, directions are ambiguous.
+        FEW_CHANNELS: Number of channels of which any three agree on almost any pulse with a common error of the
+            pattern. With no more, no such error may explain the pulses with a misfit below `AGREED_MISFIT`.
     """
 
     CLEAR_STD_RAD = np.radians(4.0)
-    CHECK_PULSES, MOST_CHECKS, WINDOW = 10, 2000, 60
+    CHECK_PULSES, MOST_CHECKS, WINDOW, HISTORY, PER_SECTOR = 10, 2000, 60, 1000, 8
     CHECKED_MISFIT, AGREED_MISFIT, CURED_SHARE = 0.008, 0.02, 0.25
-    LEAST_PULSES, SWAP_PULSES, LEAST_CHANNELS = 10, 30, 3
+    LEAST_PULSES, SWAP_PULSES, LEAST_CHANNELS, FEW_CHANNELS = 10, 30, 3, 4
     FAULT_DB, EACH_DB, DEAD_DB, CERTAIN_DB = 3.5, 2.0, -12.0, 10.0
     TESTED_SHARE, STUCK_SPREAD, LEAST_APERTURE_RAD = 0.35, 1e-6, np.radians(60.0)
 
@@ -98,8 +105,8 @@ class ChannelMonitor:
         self.good = np.ones(n_elements, dtype=np.bool_)
         self.n_bad = 0
         self._estimator = estimator
-        self._strengths = np.empty((self.WINDOW, n_elements))
-        self._misfits = np.empty(self.WINDOW)
+        self._strengths = np.empty((self.HISTORY, n_elements))
+        self._misfits = np.empty(self.HISTORY)
         self._n_seen = self._n_new = 0
 
     def bearings(self, pulses: PulseBatch) -> PulseBatch:
@@ -131,7 +138,7 @@ class ChannelMonitor:
         strengths_v = pulses.strengths_v[own]
         clear = np.flatnonzero(std_rad < self.CLEAR_STD_RAD)
         for row in clear.tolist():  # one by one, so that checks do not depend on the batch size
-            at = self._n_seen % self.WINDOW
+            at = self._n_seen % self.HISTORY
             self._strengths[at], self._misfits[at] = strengths_v[row], misfit[row]
             self._n_seen += 1
             self._n_new += 1
@@ -142,14 +149,18 @@ class ChannelMonitor:
 
     def _check(self) -> list[SuspectChannel]:
         """Find faulty channels, and exclude them from now on."""
-        n = min(self._n_seen, self.WINDOW)
-        suspects = self._suspects(self._strengths[:n], self._misfits[:n])
+        window = self._latest(self.WINDOW)
+        suspects = self._suspects(self._strengths[window], self._misfits[window])
         if suspects:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
             self.n_bad += len(suspects)
             channels = np.flatnonzero(self.good)
-            self._misfits[:n] = self._fit(self._strengths[:n, channels], channels).misfit
+            self._misfits[window] = self._fit(self._strengths[window][:, channels], channels).misfit
         return suspects
+
+    def _latest(self, most: int) -> IntArray:
+        """Return the rows of the latest pulses, the newest first."""
+        return (self._n_seen - 1 - np.arange(min(self._n_seen, most, self.HISTORY))) % self.HISTORY
 
     def _suspects(self, strengths_v: FloatArray, misfits: FloatArray) -> list[SuspectChannel]:
         """Find faulty channels from the pulses in the window: stuck ones, else the worst one, else a swapped pair."""
@@ -168,7 +179,9 @@ class ChannelMonitor:
         candidates = [self._without(strengths_v, channels, k) for k in range(channels.size)]
         cures = [one for one in candidates if one is not None and one[0] < self.CURED_SHARE * unexplained]
         if cures:
-            return [min(cures, key=lambda one: one[0])[1]]
+            suspect = min(cures, key=lambda one: one[0])[1]
+            if not self._is_common(channels, suspect):
+                return [suspect]
         return self._swapped(strengths_v, channels, unexplained)
 
     def _fit(self, strengths_v: FloatArray, channels: IntArray) -> Bearings:
@@ -196,6 +209,33 @@ class ChannelMonitor:
             return None
         kind = "dead" if median_db < self.DEAD_DB else "low" if median_db < 0 else "high"
         return remaining, SuspectChannel(int(channels[k]) + 1, kind, median_db, int(tests.sum()))
+
+    def _is_common(self, channels: IntArray, suspect: SuspectChannel) -> bool:
+        """Test whether a common error of the pattern explains the pulses without a fault of the suspect.
+
+        Both hypotheses include such an error, estimated from the latest pulses of each sector and of the window. A
+        fault must explain the window better, and still show in the window.
+        """
+        strengths_v, faulty = self._strengths[self._latest(self.HISTORY)], suspect.channel - 1
+        of_sector = sector(nearest_directions(strengths_v[:, channels], self.array.manifold.search_gain[channels])[0])
+        is_used = np.arange(of_sector.size) < self.WINDOW
+        for each in range(N_SECTORS):
+            is_used[np.flatnonzero(of_sector == each)[: self.PER_SECTOR]] = True
+        used, window, others = strengths_v[is_used], strengths_v[: self.WINDOW], channels[channels != faulty]
+        gain = correct_common_error(self.array.manifold, used, channels)
+        sound = float(np.median(nearest_directions(window[:, channels], gain[channels])[1]))
+        gain = correct_common_error(self.array.manifold, used, others)
+        azimuth, misfit = nearest_directions(window[:, others], gain[others])
+        if float(np.median(misfit)) > self.CURED_SHARE * sound:
+            return True
+        if channels.size <= self.FEW_CHANNELS and sound < self.AGREED_MISFIT:
+            return True
+        due = gain[faulty, azimuth] >= self.TESTED_SHARE * gain[:, azimuth].max(axis=0)
+        along, data = gain[others][:, azimuth].T, window[:, others]
+        predicted = (data * along).sum(axis=-1) / np.square(along).sum(axis=-1) * gain[faulty, azimuth]
+        deviation_db = 20 * np.log10(np.maximum(window[due, faulty] / predicted[due], 1e-3))
+        sense = 1.0 if suspect.kind == "high" else -1.0
+        return not due.any() or sense * float(np.median(deviation_db)) < self.FAULT_DB
 
     def _swapped(self, strengths_v: FloatArray, channels: IntArray, unexplained: float) -> list[SuspectChannel]:
         """Find a pair of channels that, once exchanged, let single directions explain the pulses."""

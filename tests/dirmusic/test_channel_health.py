@@ -1,11 +1,16 @@
 """The channel monitor finds faulty channels quickly and never flags healthy ones."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from dirmusic import GainManifold, estimate_bearings
-from dirmusic.angles import difference
+from dirmusic.angles import difference, wrap
+from dirmusic.array.pattern import GainPattern
 from dirmusic.bearing.channel_health import ChannelMonitor
+from dirmusic.bearing.common_pattern import correct_common_error, nearest_directions
 from tests.dirmusic.scenes import RING, SMALL_ARRAY, detected, drawn_errors, rho
 
 
@@ -105,3 +110,58 @@ def test_at_least_three_channels_are_kept() -> None:
     monitor = ChannelMonitor(SMALL_ARRAY)
     monitor.watch(detected(strengths, 1.0))
     assert monitor.good.sum() >= 3
+
+
+@dataclass(frozen=True)
+class ScaledBeam(GainPattern):
+    """Pattern of which the beam is wider than the nominal one by a factor."""
+
+    scale: float
+
+    def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Scale the angle."""
+        gain, slope = RING.pattern.gain_and_slope(wrap(off_boresight_rad) / self.scale)
+        return gain, slope / self.scale
+
+
+def draw_turning(seed: int, scale: float, snr_db: float = 0.0) -> np.ndarray:
+    """Draw strengths (800, 6) of pulses whose direction wanders slowly, received with a scaled beam."""
+    rng = np.random.default_rng(seed)
+    manifold = drawn_errors(rng).correct(GainManifold(ScaledBeam(scale), RING.boresights_rad))
+    azimuth = np.cumsum(rng.normal(0.0, 0.1, 800)) + rng.uniform(-3.0, 3.0)
+    return np.sqrt(np.maximum(rng.noncentral_chisquare(90, np.square(manifold.gain(azimuth).T) * rho(snr_db)) - 90, 0))
+
+
+@pytest.mark.parametrize("scale", [0.85, 1.15])
+def test_wrong_beam_width_is_not_a_faulty_channel(scale: float) -> None:
+    """An error of the pattern that all elements share is not charged to a channel."""
+    assert [seed for seed in range(20) if watch(draw_turning(seed, scale))] == []
+
+
+@pytest.mark.parametrize("scale", [0.85, 1.15])
+def test_dead_channel_is_found_despite_wrong_beam_width(scale: float) -> None:
+    for seed in range(8):
+        channel = 1 + seed % 6
+        strengths = draw_turning(seed, scale)
+        strengths[:, channel - 1] *= 0.01
+        assert watch(strengths) == [(channel, "dead")]
+
+
+def test_simultaneous_waves_are_not_a_faulty_channel() -> None:
+    """A second wave from a fixed direction in most pulses is not charged to a channel."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        manifold = drawn_errors(rng).correct(RING)
+        first, second = np.cumsum(rng.normal(0, 1, (2, 600)) * [[0.1], [0.0]], axis=1) + rng.uniform(-3, 3, (2, 1))
+        level = rng.uniform(0.5, 1, 600) * (rng.random(600) < 0.9)
+        energy = np.square(manifold.gain(first)) + np.square(level * manifold.gain(second))
+        strengths = np.sqrt(np.maximum(rng.noncentral_chisquare(90, energy.T * rho(0.0)) - 90, 0))
+        assert not watch(strengths)
+
+
+def test_common_error_of_pattern_is_learned_without_one_channel() -> None:
+    """The gain of a channel that is not used follows from the other channels."""
+    strengths = GainManifold(ScaledBeam(0.85), RING.boresights_rad).gain(np.linspace(-np.pi, np.pi, 201)).T
+    corrected = correct_common_error(RING, strengths, np.arange(1, 6))
+    unexplained = [np.median(nearest_directions(strengths, gain)[1]) for gain in (RING.search_gain, corrected)]
+    assert unexplained[1] < 0.25 * unexplained[0]
