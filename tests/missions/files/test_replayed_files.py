@@ -105,7 +105,7 @@ def test_replay_refuses_a_recording_without_log(tmp_path: Path, refused: Refused
     assert "holds no log.npz" in line
 
 
-MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""}
+MANIFEST = {"version": 2, "plan": "p", "code": "c", "n_missions": 1, "suite": ""}
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""
         ("", "sweep.json: Invalid JSON"),
         ("[" * 9000, "sweep.json: Invalid JSON"),
         (json.dumps({**MANIFEST, "n_missions": "3"}), "sweep.json: n_missions: Input should be a valid integer"),
-        (json.dumps({**MANIFEST, "version": 9}), "sweep.json: version: Input should be 1"),
+        (json.dumps({**MANIFEST, "version": 9}), "must be of format 2, got 9, whose scores differ; run its sweep again"),
     ],
 )
 def test_damaged_manifest_of_a_sweep_is_refused(tmp_path: Path, manifest: str, message: str) -> None:
