@@ -231,6 +231,7 @@ class ChannelMonitor:
         if channels.size <= self.FEW_CHANNELS and sound < self.AGREED_MISFIT:
             return True
         due = gain[faulty, azimuth] >= self.TESTED_SHARE * gain[:, azimuth].max(axis=0)
+        due &= window[:, others].any(axis=1)
         along, data = gain[others][:, azimuth].T, window[:, others]
         predicted = (data * along).sum(axis=-1) / np.square(along).sum(axis=-1) * gain[faulty, azimuth]
         deviation_db = 20 * np.log10(np.maximum(window[due, faulty] / predicted[due], 1e-3))
