@@ -123,6 +123,8 @@ def search_elevations(found: Bearings, pulses: PulseBatch, array: ArrayModel) ->
         pulses: The pulses.
         array: Nominal array of the channels of the pulses.
     """
+    if (found.misfit <= MISFIT_FACTOR * MISFIT_FLOOR).all():
+        return
     table, step_rad = space_table(array.manifold, array.spread), ELEVATIONS_RAD[1]
     factor = MISFIT_FACTOR * (1.0 - 2.0 / array.manifold.n_elements)
     least = MISFIT_FACTOR * MISFIT_FLOOR + factor * table.array_misfit
@@ -160,11 +162,15 @@ def total_std(pulses: PulseBatch, array: ArrayModel) -> FloatArray:
     Returns:
         Shape (n_pulses,), radians; at most that of a uniform direction.
     """
+    if not pulses.n_pulses:
+        return np.empty(0)
     good = np.asarray(pulses.is_usable.all(axis=0))
-    own, of = pulses.take_channels(good), array.take(good)
+    own, of = (pulses, array) if good.all() else (pulses.take_channels(good), array.take(good))
     column, in_plane = nearest_search_azimuth(own.azimuth_rad), own.elevation_rad == 0.0
     above = np.rint(np.minimum(own.elevation_rad, ELEVATIONS_RAD[-1]) / ELEVATIONS_RAD[1]).astype(np.intp)
-    level = above + in_plane * misfits_in_space(own, of.manifold).argmin(axis=0)
-    array_rad = space_table(of.manifold, of.spread).array_std_rad[level, column]
+    table = space_table(of.manifold, of.spread)
+    best_match = np.einsum("epc,pc->ep", table.unit[:, column], own.strengths_v).argmax(axis=0)
+    level = above + in_plane * best_match
+    array_rad = table.array_std_rad[level, column]
     in_plane_rad = in_plane * errors_by_elevation(of.manifold)[level, column]
     return np.minimum(np.hypot(np.hypot(own.std_rad, array_rad), in_plane_rad), UNKNOWN_STD_RAD)

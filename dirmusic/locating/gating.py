@@ -54,7 +54,7 @@ def expect_bearings(record: PulseRecord, rows: Rows | slice, finding: Finding) -
     sight_m = np.empty_like(pose)
     sight_m[:, :2] = finding.position_m[:2] - pose[:, :2]
     sight_m[:, 2] = finding.position_m[2] - record.array.height_m
-    range_m = np.maximum(np.linalg.norm(sight_m[:, :2], axis=-1), LEAST_RANGE_M)
+    range_m = np.maximum(np.hypot(sight_m[:, 0], sight_m[:, 1]), LEAST_RANGE_M)
     towards_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0])
     elevation_rad = np.arctan2(sight_m[:, 2], range_m)
     by_elevation_rad, elevation_rad2 = record.errors_by_elevation(towards_rad - pose[:, 2], elevation_rad)

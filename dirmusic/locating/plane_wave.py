@@ -41,22 +41,25 @@ class MethodDeviation:
 
         The standard deviation of the maximum-likelihood method is 0.
         """
-        std_rad = np.empty(pulses.n_pulses)
         nearest = nearest_search_azimuth(pulses.azimuth_rad)
         usable = [tuple(channels) for channels in pulses.is_usable.tolist()]
-        for channels in dict.fromkeys(usable):
-            if channels not in self._by_channels:
-                self._by_channels[channels] = method_std(self._estimator, self._array.take(np.array(channels)))
-            rows = [k for k, of_pulse in enumerate(usable) if of_pulse == channels]
-            std_rad[rows] = self._by_channels[channels][nearest[rows]]
-        return std_rad
+        for channels in set(usable) - self._by_channels.keys():
+            self._by_channels[channels] = method_std(self._estimator, self._array.take(np.array(channels)))
+        each = [self._by_channels[channels][at] for channels, at in zip(usable, nearest.tolist(), strict=True)]
+        return np.array(each)
 
 
 @lru_cache(maxsize=8)
-def _energy_and_turning(manifold: GainManifold) -> tuple[FloatArray, FloatArray]:
-    """Compute the squared norms of gains and of perpendicular slopes at the search azimuths, both (n_azimuths,)."""
-    turning = perpendicular_slope(manifold.search_gain, manifold.search_slope)
-    return np.square(manifold.search_gain).sum(axis=0), np.square(turning).sum(axis=0)
+def _expected_misfit(manifold: GainManifold, spread: ElementSpread) -> tuple[FloatArray, FloatArray]:
+    """Compute the expected share of unexplained energy at the search azimuths, both of shape (n_azimuths,).
+
+    Returns:
+        The share per variance of the direction due to noise, and the share due to the spread of the array.
+    """
+    energy = np.square(manifold.search_gain).sum(axis=0)
+    turning = np.square(perpendicular_slope(manifold.search_gain, manifold.search_slope)).sum(axis=0)
+    by_offset = manifold.n_elements * spread.offset**2 / energy
+    return turning / energy, spread.gain**2 + spread.pointing_rad**2 + by_offset
 
 
 def is_credible(
@@ -79,19 +82,16 @@ def is_credible(
     Returns:
         Shape (n_pulses,).
     """
-    manifold, spread = array.manifold, array.spread
-    nearest = nearest_search_azimuth(pulses.azimuth_rad)
-    energy, turning = _energy_and_turning(manifold)
-    by_noise = np.square(pulses.std_rad) * turning[nearest] / energy[nearest]
-    by_offset = manifold.n_elements * spread.offset**2 / energy[nearest]
-    by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
-    expected = by_noise + by_array + rules.misfit_floor
+    manifold, nearest = array.manifold, nearest_search_azimuth(pulses.azimuth_rad)
+    variance_rad2 = np.square(pulses.std_rad)
+    by_noise, by_array = _expected_misfit(manifold, array.spread)
+    expected = variance_rad2 * by_noise[nearest] + by_array[nearest] + rules.misfit_floor
     limit = rules.misfit_factor * expected
     is_plane_wave = pulses.misfit < limit
     (others,) = np.nonzero(~is_plane_wave)
     if others.size:
         is_plane_wave[others] = misfits_in_space(pulses.take(others), manifold).min(axis=0) < limit[others]
-    is_narrow = np.square(pulses.std_rad) < np.square(method_std_rad) + rules.max_std_rad**2
+    is_narrow = variance_rad2 < np.square(method_std_rad) + rules.max_std_rad**2
     return is_narrow & is_plane_wave & ~pulses.is_overdriven
 
 

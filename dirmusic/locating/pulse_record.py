@@ -258,7 +258,7 @@ class PulseRecord:
 
     def level_at_one_metre(self, sight_m: FloatArray) -> FloatArray:
         """Return the dB to add to a level at the array to get the level at 1 m, for lines of sight (n, 3)."""
-        plan_m = np.maximum(np.linalg.norm(sight_m[:, :2], axis=-1), LEAST_RANGE_M)
+        plan_m = np.maximum(np.hypot(sight_m[:, 0], sight_m[:, 1]), LEAST_RANGE_M)
         elevation_deg = np.degrees(np.arctan2(np.abs(sight_m[:, 2]), plan_m))
         by_elevation_db = np.interp(elevation_deg, np.arange(self._elevation_db.size), self._elevation_db)
         return 20 * np.log10(np.hypot(plan_m, sight_m[:, 2])) - by_elevation_db

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import azimuth_of, difference
+from dirmusic.angles import wrapped
 from dirmusic.arrays import FloatArray
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, distances_along
 from pdpatrol.robot_models.description.robot_description import RobotDescription
@@ -52,7 +54,7 @@ class PathFollower:
         if self.site_map.is_clear(self.path_m[-1], self.goal_m):
             self.path_m = np.vstack([self.path_m, self.goal_m])
         self._along_m = distances_along(self.path_m)
-        self._speed_mps = speed_profile(self.path_m, self.site_map.robot)
+        self._square_speed = np.square(speed_profile(self.path_m, self.site_map.robot))
         self.is_reachable = self.has_arrived(self.path_m[-1])
         return float(paths.length_m[cell])
 
@@ -81,15 +83,17 @@ class PathFollower:
     def action(self, pose: FloatArray) -> NDArray[np.float32]:
         """Return the action that follows the path: turn towards a point ahead on it, and slow down in turns."""
         robot, path_m, along_m = self.site_map.robot, self.path_m, self._along_m
-        nearest = np.linalg.norm(path_m - pose[:2], axis=-1).argmin()
-        ahead = path_m[np.searchsorted(along_m[:-1], along_m[nearest] + LOOKAHEAD_M)]
-        off = float(difference(azimuth_of(ahead - pose[:2]), pose[2]))
-        v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / np.radians(50.0))
-        around = path_m[max(nearest - 1, 0) : nearest + 2]
-        tangent = around[-1] - around[0]
-        past_m = tangent @ (pose[:2] - path_m[nearest]) / max(np.linalg.norm(tangent), 1e-9)
-        done_m = min(along_m[nearest] + past_m, along_m[-1] - np.linalg.norm(path_m[-1] - pose[:2]))
-        fastest = np.sqrt(np.interp(done_m, along_m, np.square(self._speed_mps)))
+        x, y, yaw_rad = pose.tolist()
+        nearest = int(np.hypot(path_m[:, 0] - x, path_m[:, 1] - y).argmin())
+        ahead = path_m[along_m[:-1].searchsorted(along_m[nearest] + LOOKAHEAD_M)]
+        off = wrapped(math.atan2(ahead[1] - y, ahead[0] - x) - yaw_rad)
+        v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / math.radians(50.0))
+        before, behind = path_m[max(nearest - 1, 0)], path_m[min(nearest + 1, len(path_m) - 1)]
+        along, across = behind[0] - before[0], behind[1] - before[1]
+        past_m = along * (x - path_m[nearest, 0]) + across * (y - path_m[nearest, 1])
+        past_m /= max(math.hypot(along, across), 1e-9)
+        done_m = min(along_m[nearest] + past_m, along_m[-1] - math.hypot(path_m[-1, 0] - x, path_m[-1, 1] - y))
+        fastest = math.sqrt(np.interp(done_m, along_m, self._square_speed))
         return robot.action_from_command((min(v, fastest), 2.5 * off))
 
 

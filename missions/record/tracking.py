@@ -24,7 +24,7 @@ from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
-LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
+LIKELIHOOD_S, LIKELIHOOD_SHARE = 10.0, 0.01
 """Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; by
 then the robot is elsewhere, and a survey of several days does not need one for each place."""
 
@@ -83,17 +83,18 @@ class Tracker:
         credible = np.empty(0, dtype=np.bool_)
         if pulses.n_pulses:
             credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
-        accepted, first = pulses.take(credible), self._log.n_rows("pulse")
+        accepted, first = pulses if credible.all() else pulses.take(credible), self._log.n_rows("pulse")
+        is_clipped = pulses.is_overdriven
         with self._calling(FINDINGS):
             findings = self._locator.update(time_s, pose.copy(), accepted)
-        if pulses.is_overdriven.any():
+        if is_clipped.any():
             self._log_once("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
         self._log.extend(
             "pulse",
             step=np.full(pulses.n_pulses, self._log.last_step),
             strengths_v=pulses.strengths_v,
             mains_phase_rad=pulses.mains_phase_rad,
-            is_clipped=pulses.is_overdriven,
+            is_clipped=is_clipped,
             is_credible=credible,
         )
         self._log.extend(
@@ -107,7 +108,7 @@ class Tracker:
         )
         self._update_findings(findings)
         if accepted.n_pulses:
-            self._pending.append((accepted.without_bands(), np.tile(pose, (accepted.n_pulses, 1))))
+            self._pending.append((accepted, pose))
         if self._pending and time_s >= self._next_likelihood_s:
             tracked_s = time_s - self._log.column("step", "time_s", 0, 1).item()
             self._next_likelihood_s = time_s + max(LIKELIHOOD_S, LIKELIHOOD_SHARE * tracked_s)
@@ -173,7 +174,8 @@ class Tracker:
         """Log the likelihood over the yard by all pulses so far; see `YardLikelihood`."""
         if self._pending:
             pulses, poses = zip(*self._pending, strict=True)
-            self._likelihood.add(PulseBatch.join(pulses), np.concatenate(poses))
+            pose = np.repeat(poses, [batch.n_pulses for batch in pulses], axis=0)
+            self._likelihood.add(PulseBatch.join(pulses).without_bands(), pose)
             self._pending = []
         self._log.append("likelihood", step=self._log.last_step, log_likelihood=self._likelihood.log_likelihood)
 
