@@ -47,7 +47,7 @@ def mission_over_steps(scenario: Scenario, seed: int) -> float:
 def test_mission_costs_a_few_environment_steps(name: str, most: float) -> None:
     mission_over_steps(load_scenario("one_source"), 1)  # compile
     ratios = []
-    for seed in range(3):
+    for seed in range(5):
         scenario = random_yard(seed, 5) if name == "random_yard" else load_scenario(name)
         ratios.append(mission_over_steps(scenario, seed))
     print(f"\n{name}: a mission takes {', '.join(f'{ratio:.2f}' for ratio in ratios)} times its environment's steps")
