@@ -53,7 +53,7 @@ class RobotStates(NamedTuple):
         bearing_age_s: Time since the last bearing, shape (n_robots,).
         motion_normal: Standard normal draws for the motion sensors, shape (n_robots, N_DRAWS).
         pose_events: Draws for jumps and dropouts of the pose sensor: two uniform ones, and three standard normal ones
-            for the size of a jump, shape (n_robots, 5); 0 if there are no jumps and dropouts.
+            for the size of a jump, shape (n_robots, 5); 0 without jumps and dropouts.
         lidar_normal: Standard normal draws for the lidar, shape (n_robots, n_beams).
         is_usable: True for channels that have not been found faulty, shape (n_robots, n_elements).
         spectrum_gain: Gains of the usable channels towards `SPECTRUM_AZIMUTHS_RAD`, scaled to unit norm, shape

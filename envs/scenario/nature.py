@@ -1,4 +1,4 @@
-"""Scenario table of nature: what is true and may differ from what the robot believes."""
+"""Scenario table of nature: true values that may differ from the beliefs of the robot."""
 
 from __future__ import annotations
 

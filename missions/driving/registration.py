@@ -175,7 +175,7 @@ class Registration:
     nothing in missions whose frames agree.
 
     Args:
-        scenario: Scenario of the mission: dock, and what is believed about lidar, poses and frames.
+        scenario: Scenario of the mission: dock, and beliefs about lidar, poses and frames.
         yard: The yard as the map shows it.
 
     Attributes:

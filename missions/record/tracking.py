@@ -24,7 +24,7 @@ from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
-LIKELIHOOD_S, LIKELIHOOD_SHARE = 10.0, 0.01
+LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
 """Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; by
 then the robot is elsewhere, and a survey of several days does not need one for each place."""
 

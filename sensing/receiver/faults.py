@@ -1,4 +1,4 @@
-"""True receiver, where it differs from what the robot believes: channel faults, drift, and the mains frequency."""
+"""True receiver, where it differs from the assumed one: channel faults, drift, and the mains frequency."""
 
 from __future__ import annotations
 
