@@ -13,17 +13,33 @@ import dirmusic
 
 SMALL = """
 import numba
-from dirmusic.pulses.strengths import dot
-import numpy as np
-print(dot(np.ones(2), np.ones(2)), numba.config.CACHE_DIR or "unset")
+from dirmusic.kernel import double
+print(double(1.0), numba.config.CACHE_DIR or "unset")
+"""
+KERNEL = """
+from dirmusic.compiled import compiled
+@compiled
+def double(x):
+    return 2.0 * x
+"""
+CALLER = """
+from dirmusic.compiled import compiled
+from dirmusic.kernel import double
+@compiled
+def quadruple(x):
+    return 2.0 * double(x)
 """
 
 
 @pytest.fixture
 def run(tmp_path: Path):
-    """Return a function that runs code with a copy of the package, the given environment, and warnings as errors."""
+    """Return a function that runs code with the cache and two small kernels, in the given environment."""
     copy = tmp_path / "code" / "dirmusic"
-    shutil.copytree(Path(dirmusic.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    copy.mkdir(parents=True)
+    for name in ("compiled.py", "arrays.py"):
+        shutil.copy(Path(dirmusic.__file__).with_name(name), copy)
+    for name, code in (("__init__.py", ""), ("kernel.py", KERNEL), ("caller.py", CALLER)):
+        (copy / name).write_text(code, encoding="utf-8")
 
     def run(code: str, *options: str, **environment: str) -> subprocess.CompletedProcess[str]:
         inherited = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))}
@@ -48,18 +64,10 @@ def test_cache_is_private_and_keeps_numba_settings(tmp_path: Path, run) -> None:
 
 def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  # noqa: ANN001
     """Numba itself compares only the file of the called function."""
-    assert run(SMALL).stdout.startswith("2.0")
-    kernels = tmp_path / "code" / "dirmusic" / "pulses" / "strengths.py"
-    caller = kernels.parents[1] / "caller.py"
-    caller.write_text(
-        "from dirmusic.compiled import compiled\nfrom dirmusic.pulses.strengths import dot\n"
-        "@compiled\ndef square(row):\n    return dot(row, row)\n",
-        encoding="utf-8",
-    )
-    code = "import numpy as np\nfrom dirmusic.caller import square\nprint(square(np.ones(2)))"
-    assert run(code).stdout == "2.0\n"
-    kernels.write_text(kernels.read_text(encoding="utf-8").replace("total = 0.0", "total = 1.0"), encoding="utf-8")
-    assert run(code).stdout == "3.0\n"
+    code = "from dirmusic.caller import quadruple; print(quadruple(1.0))"
+    assert run(code).stdout == "4.0\n"
+    (tmp_path / "code" / "dirmusic" / "kernel.py").write_text(KERNEL.replace("2.0", "3.0"), encoding="utf-8")
+    assert run(code).stdout == "6.0\n"
 
 
 def test_cache_of_another_checkout_is_incomplete(tmp_path: Path, run) -> None:  # noqa: ANN001

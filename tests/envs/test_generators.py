@@ -33,7 +33,7 @@ def test_two_policies_meet_the_same_discharges(scenario: str, monkeypatch: pytes
     for policy in ("seek", "random"):
         emitted.clear()
         mission = Mission(load_scenario(scenario), policy, 11)
-        while mission.time_s < 20.0:
+        while mission.time_s < 10.0:
             mission.step()
         source, time_s, peak_v = (np.concatenate(column) for column in zip(*emitted, strict=True))
         met.append((mission.log.meta["truth"], source, time_s, peak_v))

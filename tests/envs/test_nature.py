@@ -314,12 +314,12 @@ def driven(settings: dict[str, Any], n_steps: int) -> tuple[np.ndarray, np.ndarr
 
 def test_jumps_have_their_rate_and_size_and_decay() -> None:
     jumps = {"nature.pose_sensor.jumps_per_min": 15.0, "nature.pose_sensor.jump_std_m": 0.4}
-    believed, true, odometry = driven(jumps, 3000)
+    believed, true, odometry = driven(jumps, 1500)
     np.testing.assert_array_equal(odometry[:300], driven({}, 300)[2])  # no other draw changes
     off_m = (believed - true)[:, :2]
     added_m = off_m[1:] - np.exp(-0.1 / 5.0) * off_m[:-1]
     has_jumped = np.abs(added_m).max(axis=1) > 1e-9
-    assert has_jumped.sum() == pytest.approx(300.0 / 4.0, abs=4 * np.sqrt(75.0))
+    assert has_jumped.sum() == pytest.approx(150.0 / 4.0, abs=4 * np.sqrt(37.5))
     assert added_m[has_jumped].std() == pytest.approx(0.4, rel=0.2)
     np.testing.assert_allclose(believed[:, 2], true[:, 2], atol=1e-9)
 

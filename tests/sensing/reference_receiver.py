@@ -32,13 +32,21 @@ class Sampled(NamedTuple):
     n_bursts: int
 
 
-def damped_sine(time_s: FloatArray, phase_rad: float = 0.0) -> FloatArray:
-    """Return the pulse of eq. (2) of the Dir-MUSIC paper with a largest magnitude of 1."""
+def wave(time_s: FloatArray) -> NDArray[np.complex128]:
+    """Return the pulse of eq. (2) of the Dir-MUSIC paper as the real part of a rotating phasor."""
+    envelope = np.exp(-time_s / 1e-9) - np.exp(-time_s / 0.2e-9)
+    return -1j * envelope * np.exp(2j * np.pi * 1.75e9 * time_s)
 
-    def wave(t: FloatArray, phase: float) -> FloatArray:
-        return (np.exp(-t / 1e-9) - np.exp(-t / 0.2e-9)) * np.sin(2 * np.pi * 1.75e9 * t + phase) * (t > 0)
 
-    return wave(np.maximum(time_s, 0.0), phase_rad) / np.abs(wave(np.arange(0, 5e-9, 1e-13), 0.0)).max()
+PEAK = np.abs(wave(np.arange(0, 5e-9, 1e-13)).real).max()
+
+
+def damped_sine(time_s: FloatArray) -> NDArray[np.complex128]:
+    """Return the pulse with a largest real part of 1; beyond 40 ns it is below 1e-17."""
+    pulse = np.zeros(time_s.shape, dtype=np.complex128)
+    is_within = (time_s > 0) & (time_s < 40e-9)
+    pulse[is_within] = wave(time_s[is_within]) / PEAK
+    return pulse
 
 
 @cache
@@ -75,9 +83,8 @@ def noise_variance_v2() -> float:
 
 def signal(delay_s: FloatArray, amplitude: NDArray[np.complex128], peak_v: float, time_s: FloatArray) -> FloatArray:
     """Return the sum of all paths at the elements, before the filter, shape (n_elements, n_samples)."""
-    since_s = time_s - delay_s[:, :, np.newaxis]
-    shape = damped_sine(since_s) - 1j * damped_sine(since_s, 0.5 * np.pi)
-    return peak_v * (amplitude[:, :, np.newaxis] * shape).sum(axis=0).real
+    pulse = damped_sine(time_s - delay_s[:, :, np.newaxis])
+    return peak_v * (amplitude[:, :, np.newaxis] * pulse).sum(axis=0).real
 
 
 def sample(
@@ -102,7 +109,7 @@ def sample(
     """
     level_v, decay, echo = threshold_v(false_alarm_rate_hz), 40, 1200
     aperture = round(aperture_m / 299_792_458 * RATE_HZ)
-    pulse = np.abs(np.asarray(sosfilt(SECTIONS, damped_sine(np.arange(1000) / RATE_HZ))))
+    pulse = np.abs(np.asarray(sosfilt(SECTIONS, damped_sine(np.arange(1000) / RATE_HZ).real)))
     rise = round(float(np.argmax(pulse >= 0.5 * pulse.max()))) + decay
     strongest_s = np.take_along_axis(delay_s, np.abs(amplitude).argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
     first_s = delay_s.min() - (SETTLING + aperture + BEFORE) / RATE_HZ

@@ -50,12 +50,11 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
     return n_rejected / n_triggered
 
 
-QUICK = {"gis_hall", "one_source"}
 YARDS = [name for name in shipped_scenarios() if load_scenario(name).yard.equipment]
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.whole) for name in YARDS]
+    "name", [pytest.param(name, marks=() if name == "gis_hall" else pytest.mark.whole) for name in YARDS]
 )
 def test_bursts_are_rejected_and_pulses_pass_in_yards(name: str) -> None:
     assert share_rejected(name, 0.0) < 0.01

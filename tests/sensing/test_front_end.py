@@ -69,7 +69,7 @@ def test_tone_response_at_edge_and_interferer() -> None:
 
 
 @pytest.mark.parametrize(
-    "scene_number", [0, *(pytest.param(number, marks=pytest.mark.whole) for number in range(1, 20))]
+    "scene_number", [1, *(pytest.param(number, marks=pytest.mark.whole) for number in (0, *range(2, 20)))]
 )
 def test_detections_match_reference_receiver(scene_number: int) -> None:
     """Compare rate, strengths and bearings near the trigger level, in scenes with reflections."""

@@ -78,8 +78,15 @@ def drifting(
     return times, phases
 
 
-@pytest.mark.parametrize("duration_s", [60.0, 600.0])
-@pytest.mark.parametrize("kinds", [("void",), ("corona", "surface", "floating")])
+@pytest.mark.parametrize(
+    ("kinds", "duration_s"),
+    [
+        (("void",), 60.0),
+        (("void",), 600.0),
+        (("corona", "surface", "floating"), 60.0),
+        pytest.param(("corona", "surface", "floating"), 600.0, marks=pytest.mark.slow),
+    ],
+)
 def test_mains_offset_is_found_and_a_locked_clock_has_none(kinds: tuple[KindName, ...], duration_s: float) -> None:
     """Offsets are found except with few pulses; the wander alone has a slope of up to 0.31 / duration."""
     rng, held, n_false = np.random.default_rng(9), list[bool](), 0

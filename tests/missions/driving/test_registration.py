@@ -89,7 +89,7 @@ def test_uncorrected_frame_counts_as_an_error() -> None:
     assert np.mean(squares) < 3.0
 
 
-@pytest.mark.parametrize("std_m", [0.0, 0.05, 0.15])
+@pytest.mark.parametrize("std_m", [0.0, 0.15])
 def test_covariance_is_honest(std_m: float) -> None:
     """Normalised squared errors are those of chi square with 3 degrees of freedom, or smaller, also with wrong maps."""
     squares = normalised_squares(std_m, 1, 5)

@@ -170,7 +170,7 @@ def test_policy_can_end_the_mission(file: Path) -> None:
 
 
 def test_guarded_own_policy_equals_built_in_one(file: Path) -> None:
-    own, built_in = (run_mission(short(20.0), name) for name in (f"{file}:guarded", "patrol"))
+    own, built_in = (run_mission(short(8.0), name) for name in (f"{file}:guarded", "patrol"))
     for column in ("true_pose", "phase"):
         np.testing.assert_array_equal(own.column("step", column), built_in.column("step", column))
 

@@ -26,7 +26,7 @@ def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None =
 
 def test_candidate_that_is_outside_at_times_is_pursued() -> None:
     seek = Seek()
-    for k in range(100):
+    for k in range(20):
         assert phase_at(seek, 0.2 * k, "outside").startswith("patrol")
         assert phase_at(seek, 0.2 * k + 0.1, "candidate") == "seek 1"
 

@@ -49,17 +49,17 @@ def normal(rng: np.random.Generator, n: int) -> FloatArray:
 def test_prediction_holds_new_trials_in_95_of_100_cases(
     statistic: Statistic, figure: Callable[[FloatArray], float], draw: Draw, most: float, n_measured: int
 ) -> None:
-    rng, n_cases = np.random.default_rng([5, n_measured]), 600
+    rng, n_cases = np.random.default_rng([5, n_measured]), 200
     held = 0
     for _ in range(n_cases):
         low, high = statistic(draw(rng, n_measured)).predicted
         held += low <= figure(draw(rng, PAPER_TRIALS)) <= high
-    assert 0.95 - 4 * np.sqrt(0.95 * 0.05 / n_cases) < held / n_cases <= most
+    assert 0.914 < held / n_cases <= most
 
 
 @pytest.mark.parametrize("statistic", [least, largest])
 def test_prediction_holds_the_extremes_of_new_trials(statistic: Statistic) -> None:
-    rng, n_cases = np.random.default_rng(6), 300
+    rng, n_cases = np.random.default_rng(6), 100
     held = 0
     for _ in range(n_cases):
         low, high = statistic(np.round(normal(rng, 40 * PAPER_TRIALS))).predicted

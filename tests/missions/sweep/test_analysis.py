@@ -25,7 +25,7 @@ from pdpatrol.missions.sweep.analysis import (
 from pdpatrol.missions.sweep.dataset import Dataset, Frame, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
 
-N_SEEDS = 40
+N_SEEDS = 24
 
 
 def coverage(estimates: list[Estimate], truth: float) -> float:
@@ -39,7 +39,7 @@ def test_share_interval_covers_truth_for_correlated_sources(n_yards: int, share:
     """Sources of one yard succeed together (beta-binomial): Wilson's interval of independent trials is too short."""
     rng, clustered, pooled = np.random.default_rng(1), list[Estimate](), list[Estimate]()
     alone = 1.0 / correlation - 1.0
-    for _ in range(1000):
+    for _ in range(500):
         totals = rng.integers(5, 16, n_yards)
         counts = rng.binomial(totals, rng.beta(share * alone, (1.0 - share) * alone, n_yards))
         clustered.append(clustered_share(counts, totals))
