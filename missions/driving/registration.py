@@ -11,9 +11,9 @@ distance from the outline that the map shows is, linearised,
 .. math:: r_i = n_i^T (H_i x + G_i e_k - d_j) + \text{noise}
 
 with the normal :math:`n_i`, the frame :math:`x = (o, \theta)`, the pose error :math:`e_k` of the scan, and the
-displacement :math:`d_j` on the map of the piece j. The prior of :math:`d_j` is a Student t distribution, so that pieces
-that the map shows at a wrong place lose their weight. Its scale, the accuracy of the map, is estimated as well; the
-stated accuracy counts as much as one piece. So is the variance of the pose error, if it is larger than believed.
+displacement :math:`d_j` on the map of the piece j, which is normally distributed with the stated accuracy of the map.
+End points far from an outline have less weight. The variance of the pose error is estimated as well, and used if it is
+larger than believed.
 
 The sum of the information of all scans is kept, without past pose errors, which are marginalised exactly. The scans are
 kept as well: when the frame moves, their points are associated with outlines again.
@@ -25,6 +25,7 @@ References:
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +61,8 @@ SURFACE_STD_M = 0.02
 together they are 0.024 m in simulated yards (measured)."""
 
 FREEDOM = 4.0
-"""Degrees of freedom of the Student t distributions. Assumed; the usual choice of the reference."""
+"""Degrees of freedom of the Student t distributions, of distances and of the frame in the search. Assumed; the usual
+choice of the reference."""
 
 GATE_M = 0.5
 """Largest distance of an end point from an outline; beyond it, it belongs to something that the map does not show.
@@ -86,6 +88,10 @@ degrees of freedom that is exceeded with probability 1e-4. In sound missions wit
 DISAGREEMENT_M, DISAGREEMENT_STD_RAD = 0.2, np.radians(0.15)
 """Smallest displacement anywhere in the yard that is reported, and largest standard deviation of the rotation at that
 time. Assumed; smaller displacements hardly matter for findings within 0.3 m."""
+
+
+POSE, FRAME = slice(0, 3), slice(3, 6)
+"""Present pose error and frame in the state."""
 
 
 class LidarScan(NamedTuple):
@@ -123,26 +129,26 @@ class Outlines:
         fence = YardSolids(middle_m, zeros, half_m, zeros, zeros, zeros, n + np.arange(4))
         pairs = zip(vars(own).values(), vars(fence).values(), strict=True)
         self.solids, self.n_pieces = YardSolids(*map(np.concatenate, pairs)), n + 4
-        points_m, of = self._sample()
-        is_visible = ((points_m > -0.01) & (points_m < size_m + 0.01)).all(axis=-1)  # not the outside of the fence
+        points_m = self._sample()
+        is_visible = (points_m > -0.01) & (points_m < size_m + 0.01)  # not the outer faces of the fence
+        solid, point = np.nonzero(is_visible.all(axis=-1))
         self._shape = np.ceil((size_m + 2 * MARGIN_M) / CELL_M).astype(int)
         nearest = np.full(self._shape, -1)
-        nearest[self._cells(points_m[is_visible])] = of[is_visible]
+        nearest[self._cells(points_m[solid, point])] = solid
         distance_m, cells = distance_transform_edt(nearest < 0, CELL_M, return_indices=True)
         # half, because the points of a scan share errors (assumed)
         self._log_likelihood = 0.5 * np.log(np.exp(-0.5 * np.square(distance_m / SEARCH_STD_M)) + SEARCH_OUTLIERS)
         self._nearest = nearest[tuple(cells)]
 
-    def _sample(self) -> tuple[FloatArray, IntArray]:
-        """Return points on all outlines, at most a cell apart, shape (n, 2), and the solid of each, shape (n,)."""
+    def _sample(self) -> FloatArray:
+        """Return points on the outlines of all solids, at most a cell apart, shape (n_solids, n_points, 2)."""
         solids = self.solids
-        n_points = np.ceil(4.0 * np.pi / CELL_M * (solids.half_size_m.max(axis=-1) + solids.radius_m)).astype(int)
-        of = np.repeat(np.arange(n_points.size), n_points)
-        number = np.arange(of.size) - (np.cumsum(n_points) - n_points)[of]
-        unit = unit_vector(2.0 * np.pi * number / n_points[of])
+        longest_m = 4.0 * np.pi * (solids.half_size_m.max(axis=-1) + solids.radius_m).max()
+        unit = unit_vector(np.linspace(0.0, 2.0 * np.pi, int(longest_m / CELL_M) + 1))
         square = unit / np.abs(unit).max(axis=-1, keepdims=True)
-        points_m = solids.half_size_m[of] * square + solids.radius_m[of, np.newaxis] * unit
-        return solids.centre_m[of] + turned(points_m, solids.yaw_rad[of]), of
+        half_m, radius_m = solids.half_size_m[:, np.newaxis], solids.radius_m[:, np.newaxis, np.newaxis]
+        points_m = turned(half_m * square + radius_m * unit, solids.yaw_rad[:, np.newaxis])
+        return solids.centre_m[:, np.newaxis] + points_m
 
     def _cells(self, points_m: FloatArray) -> tuple[IntArray, ...]:
         cells = np.clip(((points_m + MARGIN_M) / CELL_M).astype(int), 0, self._shape - 1)
@@ -157,14 +163,11 @@ class Outlines:
         solids, of = self.solids, self._nearest[self._cells(points_m)]
         own_m = turned(points_m - solids.centre_m[of], -solids.yaw_rad[of])
         beyond_m = np.abs(own_m) - solids.half_size_m[of]
-        inside_m = np.minimum(beyond_m.max(axis=-1), 0.0)
-        towards = np.where(
-            inside_m[:, np.newaxis] < 0.0, beyond_m == inside_m[:, np.newaxis], np.maximum(beyond_m, 0.0)
-        )
-        length = np.maximum(np.linalg.norm(towards, axis=-1), 1e-9)
-        distance_m = np.where(inside_m < 0.0, inside_m, length) - solids.radius_m[of]
-        normal = turned(np.copysign(towards / length[:, np.newaxis], own_m), solids.yaw_rad[of])
-        return distance_m, normal, solids.owner[of]
+        most_m = beyond_m.max(axis=-1, keepdims=True)
+        towards = np.maximum(beyond_m, 1e-9 * (beyond_m == most_m))  # inside, the nearest face
+        length_m = np.linalg.norm(towards, axis=-1, keepdims=True)
+        distance_m = (length_m + np.minimum(most_m, 0.0))[:, 0] - solids.radius_m[of]
+        return distance_m, turned(np.copysign(towards / length_m, own_m), solids.yaw_rad[of]), solids.owner[of]
 
 
 class Registration:
@@ -189,19 +192,14 @@ class Registration:
         self._pose_variance = self._believed_variance = np.square(np.maximum(sensor.std, 1e-4))
         self._pose_square = POSE_SCANS * self._believed_variance
         self._correlation = sensor.correlation
-        # offset, rotation and each piece have a Student t prior: state variables, squared scale, and mean square
-        n_pieces, self._accuracy_m2 = self._outlines.n_pieces, max(scenario.map.accuracy_m, LEAST_ACCURACY_M) ** 2
-        self._group = np.append([0, 0, 1], np.repeat(2 + np.arange(n_pieces), 2))
-        self._scale2 = np.append(np.square(sensor.frame_std[1:]), np.full(n_pieces, self._accuracy_m2))
-        self._scale2[-4:] = FENCE_STD_M**2
-        self._square = np.bincount(self._group) * self._scale2
-        self._unknown: FloatArray = np.diag(np.square(sensor.frame_std))
-        self._mean: FloatArray = np.zeros(3)
-        self._covariance: FloatArray = self._unknown
+        accuracy_m = np.full(2 * self._outlines.n_pieces, max(scenario.map.accuracy_m, LEAST_ACCURACY_M))
+        accuracy_m[-8:] = FENCE_STD_M
+        self._variance = np.square(np.concatenate([np.ones(3), sensor.frame_std, accuracy_m]))
+        self._unknown: FloatArray = np.diag(self._variance[FRAME])
         self._scans: list[LidarScan] = []
         self._is_found = False
-        self.frame = FrameEstimate(np.array(scenario.route.dock_m), self._mean, self._covariance)
-        self._linearise_at(self._mean)
+        self.frame = FrameEstimate(np.array(scenario.route.dock_m), np.zeros(3), self._unknown)
+        self._linearise_at(np.zeros(3))
 
     @property
     def disagreement(self) -> str:
@@ -248,13 +246,8 @@ class Registration:
         self._scans.append(LidarScan(time_s, pose[:2].copy(), arm_m))
         n_scans = len(self._scans)
         if n_scans.bit_count() == 1 or (not self._is_found and n_scans < 32):  # so that the total time is linear
-            self._search()
-            self._relinearise()
-        else:
-            self._add(self._scans[-1])
-            self._solve()
-            if self._has_moved():
-                self._relinearise()
+            self._linearise_at(self._search())
+        self._fit()
         self._pose_square = self._pose_square + self._latest_square
         expected = self._pose_square / (POSE_SCANS + n_scans)
         expected[:2] = expected[:2].mean()
@@ -264,7 +257,7 @@ class Registration:
 
     def _decide(self) -> None:
         """Set the frame from mean and covariance."""
-        mean, covariance = self._mean, self._covariance
+        mean, covariance = self._mean[FRAME], self._covariance
         if not self._is_found:
             mean, covariance = np.zeros(3), self._unknown
         if not self.frame.is_applied and mean @ np.linalg.inv(covariance) @ mean < SIGNIFICANT:
@@ -277,98 +270,73 @@ class Registration:
         pivot_m, frame = self.frame.pivot_m, frames[..., np.newaxis, :]
         return pivot_m + turned(scan.place_m + scan.arm_m - pivot_m - frame[..., :2], -frame[..., 2])
 
-    def _search(self) -> None:
-        """Linearise at the best frame of a grid if it is better than the present one; note whether it stands out."""
-        grid = np.stack(np.meshgrid(SEARCH_M, SEARCH_M, SEARCH_RAD), axis=-1).reshape(-1, 3)
-        frames = np.vstack([self._mean, grid])
-        square = np.stack([np.square(frames[:, :2]).sum(axis=-1), np.square(frames[:, 2])], axis=-1)
-        score = -0.5 * np.log1p(square / (FREEDOM * self._scale2[:2])) @ (FREEDOM + np.array([2.0, 1.0]))
+    def _search(self) -> FloatArray:
+        """Return the best frame of a grid, or the present one unless it is worse; note whether the best stands out."""
+        frames = np.array([self._mean[FRAME], *product(SEARCH_M, SEARCH_M, SEARCH_RAD)])
+        off = np.square(frames) / (FREEDOM * self._variance[FRAME])
+        score = -0.5 * (FREEDOM + 1.0) * np.log1p(off).sum(axis=-1)
         for k in np.unique(np.linspace(0, len(self._scans) - 1, SEARCH_SCANS).astype(int)):
             score += self._outlines.log_likelihood(self._on_map(self._scans[k], frames))
-        best = score.argmax() if score.max() > score[0] + 2.0 else 0  # the grid is coarse (assumed)
-        self._mean = frames[best]
-        off = np.abs(frames - self._mean)
-        is_near = (off[:, :2].max(axis=-1) < 0.75) & (off[:, 2] < np.radians(4.0))  # within 2 steps of the grid
-        self._is_found = bool(logsumexp(score[~is_near]) < logsumexp(score) + np.log(0.05))
+        best = frames[score.argmax() if score.max() > score[0] + 2.0 else 0]  # the grid is coarse (assumed)
+        is_far = (np.abs(frames - best) > [0.75, 0.75, np.radians(4.0)]).any(axis=-1)  # beyond 2 steps of the grid
+        self._is_found = bool(logsumexp(score[is_far]) < logsumexp(score) + np.log(0.05))
+        return best
 
-    def _relinearise(self) -> None:
-        """Associate the points of all scans at the estimate, until it no longer moves."""
+    def _fit(self) -> None:
+        """Estimate the state; associate all points anew while it moves by 3 cm or 0.2 degrees (assumed)."""
         for _ in range(8):
-            self._linearise_at(self._mean)
-            for scan in self._scans:
+            for scan in self._scans[self._n_added :]:
                 self._add(scan)
+            self._n_added = len(self._scans)
             self._solve()
-            if not self._has_moved():
+            if (np.abs(self._mean - self._at)[FRAME] <= [0.03, 0.03, np.radians(0.2)]).all():
                 break
-
-    def _has_moved(self) -> bool:
-        """Return True if the estimate is too far from where it was linearised: 3 cm or 0.2 degrees (assumed)."""
-        return bool((np.abs(self._mean - self._at) > [0.03, 0.03, np.radians(0.2)]).any())
+            self._linearise_at(self._mean[FRAME])
 
     def _linearise_at(self, frame: FloatArray) -> None:
-        """Discard all information and linearise at a frame (3,).
+        """Discard all information and linearise at a frame (3,), without displacements.
 
-        The state is the frame, 0 to 2, the present pose error, 3 to 5, and x and y of each piece.
+        The state is the present pose error, 0 to 2, the frame, 3 to 5, and x and y of each piece.
         """
-        n = 6 + 2 * self._outlines.n_pieces
-        self._at, self._time_s = frame, -np.inf
-        self._information, self._vector = np.zeros((n, n)), np.zeros(n)
-        self._information[range(3, 6), range(3, 6)] = 1.0 / self._pose_variance
+        self._n_added, self._time_s, self._at = 0, -np.inf, np.zeros(self._variance.size)
+        self._at[FRAME], self._mean = frame, self._at
+        self._information, self._vector = np.diag(1.0 / self._variance), -self._at / self._variance
 
     def _add(self, scan: LidarScan) -> None:
         """Add the information of a scan later than all others."""
         self._predict(scan.time_s)
-        distance_m, normal, piece = self._outlines.meet(place_m := self._on_map(scan, self._at))
-        arm_m = turned(scan.arm_m, -self._at[2])
+        frame = self._at[FRAME]
+        distance_m, normal, piece = self._outlines.meet(place_m := self._on_map(scan, frame))
+        arm_m = turned(scan.arm_m, -frame[2])
         is_facing = (normal * arm_m).sum(axis=-1) < -0.1 * np.linalg.norm(arm_m, axis=-1)  # 6 degrees (assumed)
-        kept = np.flatnonzero(is_facing & (np.abs(distance_m) < GATE_M))
-        piece = piece[kept]
-        distance_m, normal, place_m, arm_m = (values[kept] for values in (distance_m, normal, place_m, arm_m))
         # derivative of the distance by the state
-        rows, row = np.zeros((kept.size, self._vector.size)), np.arange(kept.size)
-        rows[:, :2] = rows[:, 3:5] = -turned(normal, self._at[2])
-        rows[:, 2] = -(normal * turned(place_m - self.frame.pivot_m)).sum(axis=-1)
-        rows[:, 5] = -(normal * turned(arm_m)).sum(axis=-1)
+        rows, row = np.zeros((piece.size, self._vector.size)), np.arange(piece.size)
+        rows[:, :2] = rows[:, 3:5] = -turned(normal, frame[2])
+        rows[:, 2] = -(normal * turned(arm_m)).sum(axis=-1)
+        rows[:, 5] = -(normal * turned(place_m - self.frame.pivot_m)).sum(axis=-1)
         rows[row, 6 + 2 * piece], rows[row, 7 + 2 * piece] = -normal.T
-        expected_m2 = self._noise_variance + self._scale2[2 + piece] + np.square(rows[:, 3:6]) @ self._pose_variance
+        expected_m2 = self._variance[6 + 2 * piece] + np.square(rows[:, POSE]) @ self._pose_variance
+        expected_m2 += self._noise_variance
         weight = (FREEDOM + 1.0) / (FREEDOM + np.square(distance_m) / expected_m2) / self._noise_variance
-        information, vector = self._information, self._vector
-        information += rows.T @ (weight[:, np.newaxis] * rows)
-        vector -= rows.T @ (weight * distance_m)
+        weighted = rows.T * (weight * (is_facing & (np.abs(distance_m) < GATE_M)))
+        self._information += weighted @ rows
+        self._vector -= weighted @ distance_m
 
     def _predict(self, time_s: float) -> None:
         """Replace the pose error in the state by that at a later time, and marginalise the former."""
-        past, own, information, vector = self._time_s, slice(3, 6), self._information, self._vector
-        self._time_s = time_s
-        if past == -np.inf:
-            return
-        rho = self._correlation(time_s - past)
-        gain = 1.0 / ((1.0 - rho * rho) * self._pose_variance)
-        inverse = np.linalg.inv(information[own, own] + np.diag(rho * rho * gain))
-        cross, pull = information[:, own].copy(), vector[own].copy()
-        cross[own] = -rho * np.diag(gain)
-        information[own, :], information[:, own], vector[own] = 0.0, 0.0, 0.0
-        information[own, own] = np.diag(gain)
+        rho, self._time_s = self._correlation(time_s - self._time_s), time_s
+        information, vector = self._information, self._vector
+        gain = np.diag(1.0 / ((1.0 - rho * rho) * self._pose_variance))
+        inverse = np.linalg.inv(information[POSE, POSE] + rho * rho * gain)
+        cross, pull = information[:, POSE].copy(), vector[POSE].copy()
+        cross[POSE] = -rho * gain
+        information[POSE], information[:, POSE], vector[POSE] = 0.0, 0.0, 0.0
+        information[POSE, POSE] = gain
         information -= cross @ inverse @ cross.T
         vector -= cross @ inverse @ pull
 
     def _solve(self) -> None:
-        """Solve for mean and covariance of the frame, and take a step of expectation maximisation for the scales."""
-        is_known = self._information.diagonal() > 0.0
-        is_known[:3] = True
-        known, with_prior = np.flatnonzero(is_known), np.delete(np.arange(is_known.size), [3, 4, 5])
-        base, precision, variance, change = np.zeros((4, is_known.size))
-        base[:3], precision[with_prior] = self._at, (self._weights() / self._scale2)[self._group]
-        covariance = inv((self._information + np.diag(precision))[np.ix_(known, known)])
-        change[known] = covariance @ (self._vector - precision * base)[known]
-        variance[with_prior], variance[known] = self._scale2[self._group], covariance.diagonal()
-        self._mean, self._covariance = self._at + change[:3], covariance[:3, :3]
-        self._latest_square = np.square(change[3:6]) + covariance.diagonal()[3:6]
-        self._square = np.bincount(self._group, (np.square(base + change) + variance)[with_prior])
-        is_seen = is_known[6:-8:2]  # without the fence
-        seen_m2 = 0.5 * (self._weights() * self._square)[2:-4][is_seen].sum()
-        self._scale2[2:-4] = (self._accuracy_m2 + seen_m2) / (1 + is_seen.sum())
-
-    def _weights(self) -> FloatArray:
-        """Return the mean precisions of the variables with a prior, relative to their scale."""
-        return (FREEDOM + np.bincount(self._group)) / (FREEDOM + self._square / self._scale2)
+        """Solve for mean of the state, covariance of the frame, and mean square of the present pose error."""
+        covariance = inv(self._information)
+        self._mean, self._covariance = self._at + covariance @ self._vector, covariance[FRAME, FRAME]
+        self._latest_square = (np.square(self._mean) + covariance.diagonal())[POSE]
