@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -17,7 +18,6 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.equipment.catalogue import FENCE_OPACITY, KIND_COLOURS, colour_of
 from pdpatrol.robot_models.sensors import (
-    FLOOR_CONTYPE,
     OBSTACLE_CONTYPE,
     AntennaElements,
     add_contact_sensors,
@@ -26,6 +26,9 @@ from pdpatrol.robot_models.sensors import (
 )
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
+
+GROUND = Path(__file__).parent / "yard" / "ground.xml"
+"""Floor, sky and light of every yard."""
 
 CHASE = "chase"
 """Name of the camera that follows behind the robot, on its left. A robot's file can define its own."""
@@ -93,8 +96,10 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
 
     They are built in a separate spec and then attached, so that the defaults of the robot's file do not apply to them.
     """
-    own, middle_m = mujoco.MjSpec(), 0.5 * np.array(yard.size_m)
-    _add_ground(own, middle_m)
+    own, middle_m = mujoco.MjSpec.from_file(str(GROUND)), 0.5 * np.array(yard.size_m)
+    floor = own.geom("floor")
+    floor.pos[:2], floor.size[:2] = middle_m, middle_m + 3.0
+    own.light("sun").pos = [*middle_m, 22.0]  # if lower, the near corner of a yard is behind it and has no shadows
     _add_fence(own, middle_m)
     for item in yard.equipment:
         add_equipment(own, item)
@@ -106,48 +111,6 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
     spec.visual.map.shadowclip = 2.0  # with 1, the far floor is outside the sun's shadow map and looks speckled
-
-
-def _add_ground(spec: mujoco.MjSpec, middle_m: FloatArray) -> None:
-    """Add floor, sky and light to a yard with the given middle."""
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.45, 0.65, 0.85],
-        rgb2=[0.90, 0.94, 0.97],
-        width=256,
-        height=1536,
-    )
-    spec.add_texture(
-        name="paving",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        mark=mujoco.mjtMark.mjMARK_EDGE,
-        rgb1=[0.56, 0.57, 0.56],
-        rgb2=[0.52, 0.53, 0.52],
-        markrgb=[0.45, 0.46, 0.45],
-        width=256,
-        height=256,
-    )
-    paving = spec.add_material(name="paving", texuniform=True)
-    paving.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "paving"
-    spec.worldbody.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        pos=[*middle_m, 0.0],
-        size=[*middle_m + 3.0, 0.05],
-        material="paving",
-        contype=FLOOR_CONTYPE,
-        conaffinity=0,
-    )
-    spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[*middle_m, 22.0],  # if lower, the near corner of a yard is behind it and has no shadows
-        dir=[0.4, 0.5, -1.0],
-        diffuse=[0.6, 0.6, 0.6],
-    )
 
 
 def _add_fence(spec: mujoco.MjSpec, middle_m: FloatArray) -> None:

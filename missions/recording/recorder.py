@@ -10,12 +10,15 @@ import rerun as rr
 
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.recording.bins import LogBin, set_step
 from pdpatrol.missions.recording.blueprint import blueprint
-from pdpatrol.missions.recording.findings import draw_findings, draw_phase_patterns
-from pdpatrol.missions.recording.pulses import draw_pulses
-from pdpatrol.missions.recording.scene import draw_motion, draw_scene
-from pdpatrol.missions.recording.status import draw_events, draw_outcome, draw_status
+from pdpatrol.missions.recording.findings import (
+    draw_events,
+    draw_findings,
+    draw_outcome,
+    draw_phase_patterns,
+    draw_status,
+)
+from pdpatrol.missions.recording.scene import LogBin, draw_motion, draw_pulses, draw_scene, set_step
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.wording import outcome_text, title_text
 

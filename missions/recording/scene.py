@@ -1,19 +1,73 @@
-"""Yard, route and true sources, which do not move, and the robot with its trajectories and phases."""
+"""Yard, route, true sources, robot and pulses as entities of a recording, and the shapes that several views share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import ArrayLike, NDArray
 
+from dirmusic import GainManifold
 from dirmusic.angles import wrap
-from pdpatrol.missions.recording.bins import LogBin, at_steps, labels_3d, lines_3d
-from pdpatrol.missions.recording.pulses import BEARING
+from dirmusic.arrays import FloatArray, IntArray
+from pdpatrol.missions.record.log_contents import described_manifold
+from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.wording import PHASES
 
 TRUTH = 0xFF46C8FF
+
+AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
+"""Azimuths at which pseudo-spectra are computed."""
+
+ARRAY_HEIGHT_M = 0.6
+"""Height above ground at which rays and rings are drawn; roughly that of the array."""
+
+BEARING = 0xFFE86EFF
+
+
+@dataclass(frozen=True)
+class LogBin:
+    """Rows of a log that belong to a few consecutive steps; a bin may contain events without steps.
+
+    Attributes:
+        log: Log of the mission.
+        first: Number of the first row, by the name of the table.
+        tables: Rows of the bin, by the name of the table.
+    """
+
+    log: MissionLog
+    first: Mapping[str, int]
+    tables: Mapping[str, dict[str, NDArray[Any]]]
+
+    @property
+    def end(self) -> int:
+        """Row after the last step."""
+        return self.first["step"] + self.tables["step"]["time_s"].size
+
+
+def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
+    """Set the time for the following calls of `stream.log` to a step of a mission; zero before the first step."""
+    stream.set_time("sim_time", duration=log.column("step", "time_s", step, step + 1).sum())  # of one value or none
+    stream.set_time("step", sequence=step)
+
+
+def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
+    """Return the times of steps (n,) for `stream.send_columns`."""
+    time_s = log.column("step", "time_s")[steps]
+    return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("step", sequence=steps)]
+
+
+def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01, colour: int = 0xFFFFFFFF) -> rr.Points3D:
+    """Return labelled points at places x, y, z."""
+    return rr.Points3D(list(places.values()), labels=list(places), colors=colour, radii=radius_m, show_labels=True)
+
+
+def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
+    """Return lines whose width is in points of the screen."""
+    return rr.LineStrips3D(lines, colors=colour, radii=rr.Radius.ui_points(width))
 
 
 def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
@@ -104,3 +158,39 @@ def _solids(path: str, solids: Sequence[Mapping[str, Any]], fill_mode: str) -> d
             drawn = rr.Ellipsoids3D(half_sizes=size if shape == "ellipsoid" else size[:, [0, 0, 0]], **style)
         shapes[f"{path}/{shape}"] = drawn
     return shapes
+
+
+def draw_pulses(stream: rr.RecordingStream, part: LogBin) -> None:
+    """Draw the bearings of a bin as rays and over time, the strongest pulse as a ring, and the median strengths."""
+    bearing_rad, rows = part.tables["bearing"]["bearing_rad"], part.tables["bearing"]["pulse"] - part.first["pulse"]
+    if not rows.size:
+        for path in ("world/bearings", "world/spectrum"):
+            stream.log(path, rr.Clear.flat())
+        return
+    step, strengths_v = part.tables["pulse"]["step"][rows], part.tables["pulse"]["strengths_v"][rows]
+    pose = part.tables["step"]["pose"][step - part.first["step"]]
+    start_m = np.column_stack([pose[:, :2], np.full(rows.size, ARRAY_HEIGHT_M)])
+    ahead = np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad), np.zeros(rows.size)])
+    stream.log("world/bearings", lines_3d(np.stack([start_m, start_m + 25.0 * ahead], axis=1), BEARING, 1.0))
+    strongest = int(np.linalg.norm(strengths_v, axis=-1).argmax())
+    manifold = described_manifold(part.log.meta["array"])
+    ring_m = _ring(pose[strongest], strengths_v[strongest], manifold)
+    stream.log("world/spectrum", lines_3d([ring_m], 0x5ADCFFFF, 1.5))
+    level_db = 20.0 * np.log10(np.maximum(np.median(strengths_v, axis=0), 1e-3))  # zeros: elements that face away
+    stream.log("plots/strengths", rr.Scalars(level_db))
+    degrees = rr.Scalars.columns(scalars=np.degrees(bearing_rad))
+    stream.send_columns("plots/directions/bearing", at_steps(part.log, step), degrees)
+
+
+def _ring(pose: FloatArray, strengths_v: FloatArray, manifold: GainManifold) -> FloatArray:
+    """Return the pseudo-spectrum of a pulse as a closed line around a pose, radius 0.8 m at zero and 3 m at the peak.
+
+    It follows eq. (13) to (15) of the Dir-MUSIC paper, with 1.001 for 1 so that the peak is not infinite.
+    """
+    gain = manifold.gain(AZIMUTHS_RAD)
+    fit = strengths_v @ gain / (np.linalg.norm(strengths_v) * np.linalg.norm(gain, axis=0))
+    spectrum = 1.0 / (1.001 - np.square(fit))
+    angle = np.append(AZIMUTHS_RAD, 0.0) + pose[2]
+    radius_m = 0.8 + 2.2 * np.append(spectrum, spectrum[0]) / spectrum.max()
+    x, y = pose[0] + radius_m * np.cos(angle), pose[1] + radius_m * np.sin(angle)
+    return np.column_stack([x, y, np.full(angle.size, ARRAY_HEIGHT_M)])
