@@ -50,7 +50,7 @@ def opened(path: Path, max_bytes: int) -> Generator[IO[bytes]]:
 
 
 def read_whole(path: Path, max_bytes: int) -> bytes:
-    """Read a whole file.
+    """Read all bytes of a file.
 
     Raises:
         InputFileError: If the path is not a readable regular file, or the file is larger than `max_bytes`.
@@ -60,3 +60,22 @@ def read_whole(path: Path, max_bytes: int) -> bytes:
             return file.read()
         except OSError as error:
             raise InputFileError([f"{path}: cannot be read: {error.strerror}"]) from None
+
+
+def read_lines(path: Path, max_bytes: int) -> list[tuple[int, str]]:
+    """Read the lines of a UTF-8 file that are neither empty nor comments, with their line numbers, from 1.
+
+    Raises:
+        InputFileError: As `read_whole`, and if the file is not UTF-8 text.
+    """
+    try:
+        text = read_whole(path, max_bytes).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputFileError([f"{path}: must be UTF-8 text, byte {error.start} is not"]) from None
+    lines = enumerate(text.splitlines(), start=1)
+    return [(number, line) for number, line in lines if line.strip(" ,;\t") and not line.lstrip().startswith("#")]
+
+
+def delimiter_of(header: str) -> str:
+    """Return the delimiter of a CSV table: a semicolon or a tab if the header has one, else a comma."""
+    return next((mark for mark in ";\t" if mark in header), ",")

@@ -14,8 +14,9 @@ from pydantic import Field, ValidationError, model_validator
 from dirmusic import ArrayModel, ElementSpread, InputFileError
 from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors
 from dirmusic.locating.locator import Learned
-from pdpatrol.envs.scenario.base import Config, Number, as_tuples, error_lines, read_toml
+from pdpatrol.envs.scenario.base import Number, as_tuples, error_lines, read_toml
 from pdpatrol.sensing import ArrayConfig, HelicalArray
+from pdpatrol.sensing.quantities import Config
 
 
 def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> ArrayModel:

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
 
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
@@ -50,12 +50,6 @@ def weeks_between(first: str, last: str) -> float:
 
 class ScenarioError(InputFileError):
     """Error raised for a scenario that cannot be used, with one line per error found."""
-
-
-class Config(BaseModel):
-    """Base class of all scenario tables: frozen and strict; rejects unknown keys, infinity and NaN."""
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
 
 def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON values have many types

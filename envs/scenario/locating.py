@@ -12,8 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, cre
 from dirmusic import ESTIMATORS
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
-from pdpatrol.envs.scenario.base import Config
-from pdpatrol.sensing.quantities import PATH_PATTERN, FilePath
+from pdpatrol.sensing.quantities import PATH_PATTERN, Config, FilePath
 
 BOUNDS = {
     "deg": (0.0, 360.0),

@@ -7,10 +7,11 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
-from pdpatrol.envs.scenario.base import Config, error_lines, known_names
+from pdpatrol.envs.scenario.base import error_lines, known_names
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
 from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing.quantities import Config
 
 
 class GeoreferenceConfig(Config):

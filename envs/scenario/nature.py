@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from dirmusic.arrays import FloatArray
-from pdpatrol.envs.scenario.base import Config
 from pdpatrol.envs.scenario.robot import CorrelationTime, MetreError, PoseSensorConfig
 from pdpatrol.sensing import TrueArrayConfig, TrueReceiverConfig
-from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Degree
+from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Config, Degree
 
 Offset = Annotated[float, Field(ge=-10.0, le=10.0), PLAIN_ZERO]
 """Constant error of a position, metres."""

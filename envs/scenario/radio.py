@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pdpatrol.envs.scenario.base import Config
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import Surroundings, upright_solids
+from pdpatrol.sensing.quantities import Config
 from pdpatrol.sensing.radio.materials import GROUNDS, GroundName
 
 

@@ -12,10 +12,9 @@ from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic import PoseError
 from dirmusic.arrays import FloatArray
-from pdpatrol.envs.scenario.base import Config
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import load_robot
-from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, FilePath, Share
+from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Config, FilePath, Share
 
 MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
 CorrelationTime = Annotated[float, Field(ge=0.01, le=86_400.0)]

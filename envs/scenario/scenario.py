@@ -14,7 +14,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from dirmusic import ArrayModel
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.array import data_sheet
-from pdpatrol.envs.scenario.base import Config, MissionName, known_names
+from pdpatrol.envs.scenario.base import MissionName, known_names
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
 from pdpatrol.envs.scenario.nature import NatureConfig
@@ -24,7 +24,7 @@ from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, Interf
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
-from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
+from pdpatrol.sensing.quantities import PLAIN_ZERO, Config, Degree
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 PLANNED = "planned"

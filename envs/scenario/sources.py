@@ -9,9 +9,9 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic.pulses.phase_resolved import KindName
-from pdpatrol.envs.scenario.base import Config, Day, Number, SiteChoice, weeks_between
+from pdpatrol.envs.scenario.base import Day, Number, SiteChoice, weeks_between
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
-from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
+from pdpatrol.sensing.quantities import PLAIN_ZERO, Config, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
 
 def _check_direction(direction: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from pyarrow import csv
 
 from dirmusic import InputFileError, InputFileWarning
 from dirmusic.arrays import FloatArray, IntArray
-from dirmusic.input_file import read_whole
+from dirmusic.input_file import delimiter_of, read_lines
 
 MAX_ERRORS = 20
 """Largest number of errors listed for one file; a file with more errors is probably of another kind."""
@@ -59,21 +59,13 @@ def read_table(path: Path) -> InputTable:
     Raises:
         InputFileError: If the file cannot be read, is not UTF-8 text, or contains a cell that is not a number.
     """
-    try:
-        text = read_whole(path, 256 * 10**6).decode("utf-8-sig")  # about three million pulses
-    except UnicodeDecodeError as error:
-        raise InputFileError([f"{path}: must be UTF-8 text, and byte {error.start} is not"]) from None
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip(" ,;\t") and not line.lstrip().startswith("#")
-    ]
+    lines = read_lines(path, 256 * 10**6)  # about three million pulses
     if lines and lines[0][1].strip('" ').lower().startswith("sep="):
         del lines[0]
     if len(lines) < 2:
         raise InputFileError([f"{path}: must have a header and at least one row"])
     numbers, (header, *rows) = zip(*lines, strict=True)
-    delimiter = next((mark for mark in ";\t" if mark in header), ",")
+    delimiter = delimiter_of(header)
     names = [name.strip(' "') for name in header.split(delimiter)]
     if "" in names or len(set(names)) < len(names):
         raise InputFileError([f"{path}: must have columns whose names are unique and not empty"])

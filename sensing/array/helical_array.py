@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError
@@ -26,6 +26,7 @@ from pdpatrol.sensing.quantities import (
     AngleError,
     ArrayCoordinate,
     ArrayMetre,
+    Config,
     Degree,
     Elevation,
     FilePath,
@@ -43,7 +44,7 @@ SHIPPED_PATTERNS = {name: Path(__file__).with_name("patterns") / f"{name}.csv" f
 neighbours. `examples/antenna` computes them by the method of moments."""
 
 
-class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class ElementConfig(Config):
     """Boresight and position of one element."""
 
     azimuth_deg: Degree
@@ -54,7 +55,7 @@ class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_i
     """Position, array frame: x forward, y left, z up from the ground. By default on the ring, at `azimuth_deg`."""
 
 
-class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class ArrayConfig(Config):
     """Data sheet of the array, and the spread of real arrays around it, as the robot believes them.
 
     The elements are either an evenly spaced ring of `n_elements`, of which the first points to the left and the others
@@ -116,7 +117,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         return self
 
 
-class TrueArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class TrueArrayConfig(Config):
     """True array, where it differs from what the robot believes; keys that are left out have the believed values."""
 
     pattern: FilePath | None = None

@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import ceil
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.quantities import (
+    Config,
     EchoSecond,
     FalseAlarmRate,
     Hertz,
@@ -32,7 +33,7 @@ Band = Annotated[
 """Lower and upper edge of the band, or "all" for no band-pass filter."""
 
 
-class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class ReceiverConfig(Config):
     """Receiver with a channel for each element and a common trigger, as the robot believes it.
 
     The defaults are assumed, close to those of a fast oscilloscope. When a channel crosses the threshold, the gate

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.array.helical_array import MOST_ELEMENTS
-from pdpatrol.sensing.quantities import PLAIN_ZERO, FaultDecibel, MissionSecond, Volt
+from pdpatrol.sensing.quantities import PLAIN_ZERO, Config, FaultDecibel, MissionSecond, Volt
 from pdpatrol.sensing.receiver.sampling import Channels
 
 KEYS_OF_KIND = {
@@ -28,7 +28,7 @@ Duration = Annotated[float, Field(ge=0.1, le=86_400.0)]
 """Duration of one state, not shorter than a control step."""
 
 
-class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class ChannelFault(Config):
     """Fault of one channel, from `start_s` on. A channel may have several.
 
     `dead`: the signal is lost, but the noise remains. `gain_drift`: the gain changes by `gain_db` within `ramp_s`.
@@ -75,7 +75,7 @@ class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_in
         return 10 ** ((self.gain_db or 0.0) * share / 20)
 
 
-class TrueReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class TrueReceiverConfig(Config):
     """True receiver, where it differs from what the robot believes."""
 
     faults: tuple[ChannelFault, ...] = Field(default=(), max_length=2 * MOST_ELEMENTS)

@@ -10,9 +10,9 @@ from pdpatrol.envs import load_scenario
 from pdpatrol.envs.motion import sense_motion, start_motion
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
-from pdpatrol.envs.scenario.base import Config
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, POSE, WHEEL_ANGLES
+from pdpatrol.sensing.quantities import Config
 from tests.envs.helpers import drive
 
 PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro_noise_deg_per_sqrt_min=0.0)
