@@ -28,7 +28,8 @@ PATTERN_STD, RESIDUAL_STD = 0.2, 0.05
 helix deviates from the default pattern by up to 0.36; the spread of gains is 0.05. Only their ratio matters."""
 
 MOST_PATTERN = 0.5
-"""Largest common error, in units of the largest gain: no antenna of this kind is deaf along its boresight. Assumed."""
+"""Largest common error, in units of the largest gain. Assumed; every antenna of this kind has gain along its
+boresight."""
 
 LEAST_GAIN = 0.02
 """Smallest corrected gain, in units of gain."""

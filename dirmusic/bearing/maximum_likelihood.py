@@ -77,7 +77,7 @@ def fit_pulses(
     variance: FloatArray,
     total_variance: FloatArray,
     held_table: Held[ManifoldTable],
-    silence: tuple[float, float, float],
+    without_strength: tuple[float, float, float],
     given_rad: FloatArray,
 ) -> Fit:
     r"""Find the best search azimuth of each row of pulses and refine it by Gauss-Newton within one search step.
@@ -95,7 +95,7 @@ def fit_pulses(
         variance: Variance of the strengths, same shape.
         total_variance: Sum of the variances of the pulses of a row, shape (n_rows, n_elements).
         held_table: Table of the manifold.
-        silence: Azimuth, standard deviation and misfit to return for rows without strength.
+        without_strength: Azimuth, standard deviation and misfit to return for rows without strength.
         given_rad: Azimuths to use instead of the best ones, shape (n_rows,); empty to find the best ones.
 
     Returns:
@@ -116,7 +116,7 @@ def fit_pulses(
                     covariance[e, f] += pulses[k, e] * pulses[k, f]
             total += covariance[e, e]
         if not total > 0.0:
-            bearings.azimuth_rad[row], bearings.std_rad[row], bearings.misfit[row] = silence
+            bearings.azimuth_rad[row], bearings.std_rad[row], bearings.misfit[row] = without_strength
             continue
         if given_rad.size:
             start_rad = given_rad[row]
@@ -327,7 +327,7 @@ def _find_bearings(
 ) -> Bearings:
     """Compute bearings of the leading shape (...) by `fit_pulses` or, with a prior, from the posterior.
 
-    The arguments are those of `fit_pulses` with more leading axes. A variance of NaN makes the standard deviation NaN.
+    Arguments as in `fit_pulses`, with more leading axes. A variance of NaN makes the standard deviation NaN.
     """
     shape = strengths.shape[:-2]
     pulses, noise, total_noise = (

@@ -21,7 +21,7 @@ def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
         Orthonormal columns, shape (..., n_elements, n_elements - n_sources).
 
     Raises:
-        ValueError: If the covariance is not square or finite, or no noise subspace is left.
+        ValueError: If the covariance is not square or finite, or the noise subspace is empty.
 
     References:
         Dir-MUSIC, eq. (8)-(14).
@@ -53,7 +53,7 @@ def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1
         height is not a power.
 
     Raises:
-        ValueError: If shapes disagree or no noise subspace is left.
+        ValueError: If shapes disagree or the noise subspace is empty.
 
     References:
         Dir-MUSIC, eq. (13)-(15), as printed, that is, without normalising `gain`.

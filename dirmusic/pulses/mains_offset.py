@@ -33,7 +33,7 @@ def mains_offset_hz(time_s: Sequence[FloatArray], phase_rad: Sequence[FloatArray
     .. math:: P(f) = \sum_s \frac{1}{n_s} \sum_h \Big| \sum_k e^{i h (\varphi_k + 2 \pi f t_k)} \Big|^2
 
     For pulses independent of the mains, each term is exponentially distributed with mean 1 (Rayleigh's test). The
-    maximum is significant if it exceeds P(0) by what the largest of all P then exceeds with probability `FALSE_ALARM`.
+    maximum is significant if it exceeds P(0) by more than the (1 - `FALSE_ALARM`) quantile of the largest of all P.
     The offset is assumed to be constant; a frequency that wanders by less than 1 / (4 T) in T seconds does little harm.
 
     Args:

@@ -95,7 +95,7 @@ Assumed, about twice those of the simulated discharges. They determine the confi
 patterns with heavy tails and skew."""
 
 PRECISION, IS_COMMON = DEVIATION**-2.0, np.array([[1.0], [0.0], [1.0], [0.0]])
-"""Precision of each parameter, and 1 for those that the whole pattern can shift: centre and level."""
+"""Precision of each parameter, and 1 for those with a shift that all clusters share: centre and level."""
 
 SHARE_PULSES = 6.0
 """Number of pulses that the typical shares of clusters are worth (concentration of a Dirichlet prior). Assumed."""
@@ -109,9 +109,9 @@ logarithm by which their free shape is penalised. Assumed: a quarter of such pai
 atypical defects for unknown; at 12 it is a third and 2 %."""
 
 LEAST_PULSES, MOST_PULSES = 20, 60
-"""Smallest number of pulses that are classified, and number of pulses, evenly chosen, that are used. More pulses are no
-independent evidence, because fading and pulses of other sources disturb each pattern in its own way. Assumed; with 100,
-one in ten kinds in missions is stated wrongly at more than 90 %."""
+"""Smallest number of pulses that are classified, and number of pulses, evenly chosen, that are used. More pulses are
+not independent evidence, because fading and pulses of other sources disturb each pattern differently. Assumed; with
+100, one in ten kinds in missions is stated wrongly at more than 90 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +211,7 @@ class _ClusterFit(NamedTuple):
         parameters: Centre, log width, level and log spread.
         share: Share of the pulses that are not stray.
         weight: Share of the pulses in the information about each parameter; the rest is that of the prior.
-        common: Shift and level of the whole pattern, shape (4, 1).
+        common: Shift and level that all clusters share, shape (4, 1).
     """
 
     parameters: FloatArray
@@ -255,7 +255,7 @@ def _refit(
 def _evidence(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ...]) -> tuple[float, float]:
     """Return the log evidence of a kind, integrated over its defects by Laplace's approximation, and the phase shift.
 
-    Phase shift and level of the whole pattern have flat priors, over one period and over 24 dB.
+    The phase shift and level that all clusters share have flat priors, over one period and over 24 dB.
     """
     share, centre_deg, width_deg, level_db, spread_db = np.array([astuple(cluster) for cluster in clusters]).T
     # an uncertain phase reference and uncertain ranges widen all clusters; assumed, by 2 degrees and 1 dB

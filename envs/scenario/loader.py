@@ -28,7 +28,7 @@ FILE_KEYS = {
 """Keys that can name a file of the user, by table."""
 
 IS_FILE = re.compile(r"/|\.py:|\.(csv|msi|pln|toml|xml)$", re.IGNORECASE)
-"""Pattern found in paths of files, and not in names of what is shipped or installed."""
+"""Pattern found in paths of files, and not in the names of shipped or installed objects."""
 
 
 def shipped_scenarios() -> tuple[str, ...]:

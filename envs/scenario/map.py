@@ -34,7 +34,7 @@ class MovedPiece(Config):
 
 
 class MapConfig(Config):
-    """Accuracy of the map as the operator believes it, and differences between map and yard; by default there are none.
+    """Accuracy of the map as the operator believes it, and differences between map and yard, by default none.
 
     Planner, policies, Locator and report use the map. Physics, lidar, radio and scores use the yard.
     """

@@ -21,7 +21,7 @@ PerMinute = Annotated[float, Field(ge=0.0, le=600.0), PLAIN_ZERO]
 
 
 class TruePoseConfig(Config):
-    """True errors of the pose sensor; keys that are left out have the believed values, which are 0 for a bias.
+    """True errors of the pose sensor; keys that are absent have the believed values, which are 0 for a bias.
 
     A reading is the true pose, in the frame of the localisation, with the bias and a correlated error. Jumps and
     dropouts come at random times, as Poisson processes.
@@ -77,10 +77,10 @@ class TruePoseConfig(Config):
 
 
 class NatureConfig(Config):
-    """What is true and differs from what the robot believes; by default nothing but the drawn errors.
+    """True values that differ from the believed ones; by default only the drawn errors differ.
 
-    Physics, radio and scores use what is true. The estimator, Locator, planner, policies and report use what is
-    believed: the tables of the same names outside `[nature]`.
+    Physics, radio and scores use the true values. The estimator, Locator, planner, policies and report use the believed
+    values: the tables of the same names outside `[nature]`.
     """
 
     array: TrueArrayConfig = TrueArrayConfig()

@@ -72,7 +72,7 @@ class CampaignConfig(Config):
 
 
 class ChangeConfig(Config):
-    """Change of a source at some time of the mission; keys that are left out keep their value."""
+    """Change of a source at some time of the mission; keys that are absent keep their value."""
 
     at_s: MissionSecond
     amplitude_db: Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO] | None = None
@@ -96,7 +96,7 @@ class EmitterConfig(Config):
     conductor_deg: Degree | None = None
     """Phase of the conductor relative to the receiver's mains supply; by default 0, 120 or 240 is drawn per mission."""
     active_s: tuple[MissionSecond, MissionSecond] | None = None
-    """Start and end of the activity; by default the whole mission."""
+    """Start and end of the activity; by default the duration of the mission."""
     duty_s: tuple[DutySecond, DutySecond] | None = None
     """Mean durations of activity and of the pauses between, in turns, both exponentially distributed; by default
     without pauses."""

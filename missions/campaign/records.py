@@ -29,7 +29,7 @@ class Observation(ReportPart):
     finding_id: int | None
     """Id of the finding in the log and report of the run; null without a finding."""
     is_confirmed: bool
-    """True if the finding is confirmed, false if it is a candidate or there is no finding."""
+    """True if the finding is confirmed, false if it is a candidate or no finding exists."""
     level_db: TrendInterval | None
     """Strength of its pulses at 1 m, decibels relative to one volt, interquartile mean; null if too few pulses were
     received nearby in line of sight."""

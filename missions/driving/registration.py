@@ -116,7 +116,8 @@ class Outlines:
         height_m: Height of the lidar.
 
     Attributes:
-        solids: The solids, each with its piece as owner; the last four are the sides of the fence, pieces of their own.
+        solids: The solids, each with its piece as owner. The last four are the sides of the fence, each a
+            separate piece.
         n_pieces: Number of pieces.
     """
 

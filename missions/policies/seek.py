@@ -125,7 +125,7 @@ class Seek(ReportingPolicy):
         return best_viewpoint(target.position_m, views_m, paths)
 
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
-        """Return the current candidate while it has time left, else the nearest one that has."""
+        """Return the current candidate while its time is not spent, else the nearest such one."""
         if self._is_late:
             return None
         candidates = {f.id: f for f in findings if f.state == "candidate"}
@@ -181,7 +181,7 @@ class Active(Seek):
     ) -> FloatArray | None:
         """Return the end of the fastest path on which the candidate is expected to be located accurately enough.
 
-        Information is summed along the whole path, except within 0.6 m of earlier places of the robot, where errors are
+        Information is summed along the path, except within 0.6 m of earlier places of the robot, where errors are
         the same. The previous path is kept while it takes at most 2 s longer (both assumed), because each change costs
         a turn. A candidate that is located accurately but not confirmed, or for which no path suffices, is viewed from
         a new side. A new path must be expected to lead to 0.8 times `KNOWN_M` (assumed), because drives differ from

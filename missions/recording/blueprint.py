@@ -20,7 +20,7 @@ SO_FAR = rrb.VisibleTimeRanges(
 WHOLE = rrb.TimeAxis(
     view_range=rrb.TimeRange(start=rrb.TimeRangeBoundary.absolute(seconds=0.0), end=rrb.TimeRangeBoundary.infinite())
 )
-"""Time axis over the whole mission."""
+"""Time axis over the full mission."""
 
 
 def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool = False) -> rrb.Blueprint:
@@ -99,7 +99,7 @@ def _world_view(name: str, eye: rrb.EyeControls3D, *hidden: str) -> rrb.Spatial3
 
 
 def _plot(plot: str, name: str, limits: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
-    """Return a plot over the whole mission."""
+    """Return a plot over the full mission."""
     return rrb.TimeSeriesView(
         origin=f"plots/{plot}",
         name=name,

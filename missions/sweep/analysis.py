@@ -35,7 +35,7 @@ LEVELS = (0.5, 0.68, 0.9, 0.95, 0.99, 0.999)
 """Stated shares of ellipses and ellipsoids whose coverage is checked."""
 
 LOW, LOW_M = " below 1.5 m", 1.5
-"""Height below which sources have a coverage of their own, because reflections from the ground affect them most."""
+"""Height below which sources have a separate coverage, because reflections from the ground affect them most."""
 
 NEAR_M = 0.3
 """Horizontal error up to which a source counts as found near."""
@@ -90,7 +90,7 @@ def root_mean_square(values: FloatArray, axis: int | None = None) -> FloatArray:
 def cluster_bootstrap(
     clusters: Sequence[ArrayLike] | FloatArray, statistic: Callable[..., Any], n_resamples: int = 2000
 ) -> Estimate:
-    """Estimate a statistic of clustered values with a bootstrap interval that resamples whole clusters.
+    """Estimate a statistic of clustered values with a bootstrap interval that resamples clusters.
 
     The percentiles are widened for few clusters (Hesterberg 2015, section 5.3). The seed is fixed, so that the same
     data give the same interval. Fewer than two clusters give no interval.
@@ -190,7 +190,8 @@ def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
           shown at a wrong place for more than 2 s, and the total time of that
         - `bearing RMSE (deg)`: over missions with a single source
         - `median error (m)` and its 95 % quantile `95 % below (m)`: distances of findings from their sources
-        - `log score`, `site log score`: mean of minus the logarithm of what was stated for the true position and site
+        - `log score`, `site log score`: mean of minus the logarithm of the density stated at the true position, and
+          of the probability stated for the true site
         - `time to confirm (s)`: median time of the first right confirmation of a source
         - `path length over shortest`: median ratio of the path length until all sources were confirmed to the shortest
           one, over missions that found all sources and did not start within reach of them

@@ -89,7 +89,7 @@ def _name(summary: Summary) -> str:
 
 
 def _broken(text: str) -> str:
-    """Put the interval of an estimate on a line of its own."""
+    """Put the interval of an estimate on a separate line."""
     return text.replace(" to ", "-").replace(" (", "\n").removesuffix(")")
 
 

@@ -41,7 +41,7 @@ TOLERANCE_M = 0.005
 """Tolerance of positions in a robot file (assumed)."""
 
 Requirements = Mapping[str, bool | np.bool_]
-"""Element of the file and what it must be, and whether the requirement is met."""
+"""Requirements of a file, as text, and whether each is met."""
 
 
 def load_robot(model: str | Path) -> RobotDescription:

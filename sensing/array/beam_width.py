@@ -14,8 +14,8 @@ from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.arrays import FloatArray
 
 KNEE_RAD = np.radians(120.0)
-"""Angle off boresight up to which all angles are scaled. Beyond it the remaining angles share what is left up to 180
-degrees. Assumed; the gains of the shipped patterns are 7 to 14 dB below the largest there."""
+"""Angle off boresight up to which all angles are scaled. Beyond it, the angles are spread evenly up to 180 degrees.
+Assumed; the gains of the shipped patterns are 7 to 14 dB below the largest there."""
 
 GRID_STEP_RAD = np.radians(2.0)
 """Step of a resampled table. For the shipped patterns, cubics through it are accurate to 2e-5 of the largest gain."""

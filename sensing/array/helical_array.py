@@ -118,7 +118,7 @@ class ArrayConfig(Config):
 
 
 class TrueArrayConfig(Config):
-    """True array, where it differs from what the robot believes; keys that are left out have the believed values."""
+    """True array, where it differs from the believed one; keys that are absent have the believed values."""
 
     pattern: FilePath | None = None
     """Pattern of every element, in the plane or over all directions and frequencies: a file, or the name of a shipped
@@ -127,16 +127,16 @@ class TrueArrayConfig(Config):
     """Width of the beam relative to that of the pattern, in azimuth and elevation: 1.05 is 5 % wider; see
     `sensing.array.beam_width.scaled_beam`."""
     gain_error: Share | None = None
-    """Standard deviation of the gain errors from which the array is drawn. Likewise the next three."""
+    """Standard deviation of the gain errors from which the array is drawn. The next three keys are alike."""
     pointing_error_deg: AngleError | None = None
     position_error_m: PlacementError | None = None
     gain_offset: Share | None = None
     ring_radius_m: ArrayMetre | None = None
     """True radius of the ring."""
     mount_yaw_deg: Degree = 0.0
-    """Rotation of the whole array about the vertical axis through the centre of the ring, counter-clockwise."""
+    """Rotation of the array about the vertical axis through the centre of the ring, counter-clockwise."""
     mount_tilt_deg: Annotated[float, Field(ge=-30.0, le=30.0), PLAIN_ZERO] = 0.0
-    """Tilt of the whole array about its centre, after the yaw: the side towards `mount_tilt_azimuth_deg` is raised, the
+    """Tilt of the array about its centre, after the yaw: the side towards `mount_tilt_azimuth_deg` is raised, the
     opposite side lowered."""
     mount_tilt_azimuth_deg: Degree = 0.0
     """Azimuth of the raised side, robot frame, counter-clockwise from straight ahead."""
@@ -243,7 +243,7 @@ class HelicalArray:
 
     @classmethod
     def draw(cls, config: ArrayConfig, rng: np.random.Generator, true: TrueArrayConfig = AS_BELIEVED) -> Self:
-        """Draw an array as built and mounted: the data sheet with errors, and all that is true and not believed.
+        """Draw an array as built and mounted: the data sheet with drawn errors and the true deviations.
 
         Args:
             config: Configuration with the data sheet.

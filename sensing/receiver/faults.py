@@ -76,7 +76,7 @@ class ChannelFault(Config):
 
 
 class TrueReceiverConfig(Config):
-    """True receiver, where it differs from what the robot believes."""
+    """True receiver, where it differs from the believed one."""
 
     faults: tuple[ChannelFault, ...] = Field(default=(), max_length=2 * MOST_ELEMENTS)
     temperature_drift_db_per_min: Drift = 0.0
@@ -88,7 +88,7 @@ class TrueReceiverConfig(Config):
     times this per second. Public grids stay within 0.05 Hz most of the time."""
 
     def draw_drift(self, n_elements: int, rng: np.random.Generator) -> FloatArray | None:
-        """Draw the drift of each channel in dB per minute, shape (n_elements,); None if there is none."""
+        """Draw the drift of each channel in dB per minute, shape (n_elements,); None without drift."""
         common, spread = self.temperature_drift_db_per_min, self.temperature_spread_db_per_min
         return common + spread * rng.standard_normal(n_elements) if common or spread else None
 
