@@ -48,12 +48,6 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(folder.glob("*.whl"))
 
 
-@pytest.fixture
-def installed(wheel: Path, tmp_path: Path) -> Path:
-    """Install the wheel into a separate folder; its dependencies come from this environment."""
-    return install(wheel, tmp_path / "site")
-
-
 def install(package: Path, folder: Path) -> Path:
     run("uv", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--target", folder, package, cwd=ROOT)
     return folder
@@ -87,17 +81,6 @@ def test_cli_works_with_pythonpath_dot(tmp_path: Path) -> None:
     add_foreign_packages(tmp_path)
     assert "one_source" in run(PDPATROL, "scenarios", cwd=tmp_path, pythonpath=".")
     assert "one_source" in run(PDPATROL, "scenarios", cwd=ROOT, pythonpath=".")
-
-
-def test_wheel_holds_two_packages_and_runs_a_mission(installed: Path, tmp_path: Path) -> None:
-    folders = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
-    assert folders - {"bin"} == {"dirmusic", "pdpatrol"}
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    assert str(installed) in run(sys.executable, "-c", STEP, cwd=empty, pythonpath=installed)
-    command = "from pdpatrol.missions.cli import main; main()"
-    run(sys.executable, "-c", command, "run", "bench", "--out", "mission", cwd=empty, pythonpath=installed)
-    assert (empty / "mission" / "report.html").stat().st_size > 0
 
 
 def core_distributions() -> set[str]:

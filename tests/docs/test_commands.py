@@ -12,6 +12,7 @@ import pytest
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import Mission
 from tests.docs.site import ROOT
+from tests.envs.helpers import write_yard
 from tests.test_readme import blocks, commands, run_snippet, served_on_loopback
 
 pytestmark = pytest.mark.whole
@@ -102,14 +103,12 @@ def test_locator_on_its_page_runs_a_mission(tmp_path: Path, capsys: pytest.Captu
     text = PAGES["how-to/locator.md"]
     (code,), (table,) = blocks("python", text), blocks("toml", text)
     (tmp_path / "watched.py").write_text(code, encoding="utf-8")
-    shipped = (ROOT / "envs/scenarios/one_source.toml").read_text(encoding="utf-8")
-    (tmp_path / "yard.toml").write_text(f"{shipped}\n{table}", encoding="utf-8")
 
     def end_early(mission: Mission) -> None:
         if mission.time_s > 15.0:
             mission.end("interrupted")
 
-    Mission(load_scenario(tmp_path / "yard.toml"), "patrol", 1).run(end_early)
+    Mission(load_scenario(write_yard(tmp_path, table)), "patrol", 1).run(end_early)
     assert "s: now 1 candidates and findings" in capsys.readouterr().out
 
 

@@ -10,6 +10,7 @@ import pytest
 from pdpatrol.envs.scenario import ScenarioError, load_scenario
 from pdpatrol.envs.scenario.loader import schema_text
 from tests.docs.site import ROOT
+from tests.envs.helpers import write_yard
 
 PUBLISHED = ROOT / "docs" / "schemas" / "scenario.schema.json"
 ACCEPTS = jsonschema.Draft202012Validator(json.loads(PUBLISHED.read_text(encoding="utf-8")))
@@ -54,9 +55,7 @@ def test_schema_accepts_every_scenario_that_ships() -> None:
     ],
 )
 def test_schema_and_loader_refuse_an_invalid_scenario(before: str, after: str, tmp_path: Path) -> None:
-    text, file = (ROOT / "envs/scenarios/one_source.toml").read_text(encoding="utf-8"), tmp_path / "yard.toml"
-    assert before in text
-    file.write_text(text.replace(before, after, 1), encoding="utf-8")
+    file = write_yard(tmp_path, "", (before, after))
     assert not ACCEPTS.is_valid(in_json(file))
     with pytest.raises(ScenarioError):
         load_scenario(file)

@@ -1,7 +1,6 @@
 """Environment specs in JSON, length of episodes, seeds, and errors of invalid calls."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -13,11 +12,11 @@ from gymnasium.envs.registration import EnvSpec
 from pdpatrol.envs import ScenarioError, load_scenario, shipped_scenarios
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.envs.vector_env import PatrolVectorEnv
 from tests.envs.helpers import STAND, drive, listed
 
 ID = "pdpatrol:PDPatrol-v0"
-SHIPPED = Path(__file__).parents[2] / "envs" / "scenarios"
 
 
 def spec_of(env: Any) -> EnvSpec:  # noqa: ANN401 - single or vector

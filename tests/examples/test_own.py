@@ -104,15 +104,3 @@ def test_own_robot_is_home_sooner_than_the_inspector() -> None:
         assert len(one.findings) == 1
         assert one.scores.matches[0].error_m < 0.3
     assert report.sim_time_s < 0.9 * usual.sim_time_s
-
-
-def test_errors_in_the_robot_file_are_reported_before_the_start(tmp_path: Path) -> None:
-    text = (EXAMPLES / "own_robot" / "runner.xml").read_text(encoding="utf-8")
-    broken = text.replace('"left_wheel"', '"wheel"').replace('"max_speed" data="1.2"', '"max_speed" data="-1"')
-    (tmp_path / "runner.xml").write_text(broken, encoding="utf-8")
-    (tmp_path / "yard.toml").write_bytes((EXAMPLES / "own_robot" / "yard.toml").read_bytes())
-    done = run(["run", "yard.toml"], tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    for error in ("wheels: must be hinges with names that begin with", "max_speed: must be one number above 0, got -1"):
-        assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {error}" in done.stderr.replace("\n", " ")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.missions.cli import VERBS
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import Report
+from tests.envs.helpers import write_yard
 from tests.missions.conftest import Refused, call
 from tests.processes import PDPATROL, assert_times_add_up, pdpatrol, refusal
 
@@ -25,10 +25,7 @@ HEAVY = ("mujoco", "numba", "rerun", "rich", "scipy", "tyro")
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
     """Write a scenario that ends after four seconds, and return its path."""
-    text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
-    path = tmp_path / "short.toml"
-    path.write_text(text + "\n[task]\ntime_limit_s = 4.0\n", encoding="utf-8")
-    return path
+    return write_yard(tmp_path, "[task]\ntime_limit_s = 4.0", to="short")
 
 
 def test_help_lists_the_verbs(tmp_path: Path) -> None:
@@ -73,6 +70,7 @@ def test_help_and_version_load_nothing_heavy(argument: str, tmp_path: Path) -> N
     [
         ("run nowhere", "nowhere"),
         ("run --seed -1", "--seed: must be greater than or equal to 0, got -1"),
+        ("reproduce --trials 99", "--trials: must be greater than or equal to 100, got 99"),
         ("replay", "DIR: at least one folder must be given, got none"),
         ("replay nowhere", "nowhere: holds no log.npz"),
         ("report nowhere", "nowhere: holds no log.npz"),
@@ -181,10 +179,3 @@ def test_reproduce_writes_numbers_and_pictures(tmp_path: Path) -> None:
     assert json.loads(done.stdout) == data
     assert (data["trials"], data["seed"]) == (100, 4)
     assert len(list(folder.glob("*.png"))) == 10
-
-
-def test_options_of_reproduce_out_of_range_are_one_line_each(tmp_path: Path, refused: Refused) -> None:
-    assert refused("reproduce", "--trials", 99, "--seed", -1, cwd=tmp_path) == [
-        "--trials: must be greater than or equal to 100, got 99",
-        "--seed: must be greater than or equal to 0, got -1",
-    ]

@@ -66,7 +66,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
 
 
 def test_missions_are_deterministic() -> None:
-    scenario = limited("two_sources", 60.0)
+    scenario = limited("two_sources", 40.0)
     first, second = (run_mission(scenario, seed=5) for _ in range(2))
     assert first.n_rows("finding") > 0
     assert "channel fault" not in first.column("event", "kind")
@@ -151,14 +151,12 @@ def test_free_standing_source_is_found(changes: dict) -> None:
     assert report.scores.false_findings == 0
 
 
-def scores(name: str, seeds: range) -> list[Report]:
-    return [make_report(run_mission(load_scenario(name), seed=seed), 1.0) for seed in seeds]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 100])
 def test_one_source_is_found_in_twenty_missions(first: int) -> None:
-    reports = scores("one_source", range(first, first + 20))
+    reports = [
+        make_report(run_mission(load_scenario("one_source"), seed=seed), 1.0) for seed in range(first, first + 20)
+    ]
     sources = [report.scores.sources[0] for report in reports]
     assert all(source.found for source in sources)
     matches = [match for report in reports for match in report.scores.matches]
@@ -169,20 +167,6 @@ def test_one_source_is_found_in_twenty_missions(first: int) -> None:
     assert sum(report.collisions for report in reports) == 0
     positions = np.array([source.true_position_m[:2] for source in sources])
     assert np.linalg.norm(positions[:, np.newaxis] - positions, axis=-1).max() > 8.0
-
-
-@pytest.mark.slow
-def test_two_sources_are_found_in_nine_of_ten_missions() -> None:
-    reports = scores("two_sources", range(10))
-    both = [all(source.found for source in report.scores.sources) for report in reports]
-    assert sum(both) >= 9
-
-
-@pytest.mark.slow
-def test_interferer_outside_the_fence_is_not_confirmed() -> None:
-    reports = scores("quiet_yard", range(10))
-    assert all(report.findings == () for report in reports)
-    assert all(report.n_bearings > 100 for report in reports)
 
 
 @pytest.mark.whole
@@ -205,7 +189,8 @@ def test_clipped_pulses_are_not_used_for_locating() -> None:
 
 def test_mission_survives_a_dead_channel() -> None:
     dead = ChannelFault(channel=2, kind="dead", start_s=5.0)
-    report = make_report(run_mission(load_scenario("one_source", {"nature.receiver.faults": (dead,)}), seed=1), 0.0)
+    scenario = load_scenario("one_source", {"nature.receiver.faults": (dead,)})
+    report = make_report(run_mission(scenario, seed=1), 0.0)
     (fault,) = report.channel_faults
     assert "channel 2 is dead" in fault
     assert all(source.found for source in report.scores.sources)

@@ -1,6 +1,7 @@
 """A mission with strong multipath."""
 
 import numpy as np
+import pytest
 
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.missions.report.make_report import make_report
@@ -11,6 +12,7 @@ SEED, N_PIECES = 110012, 6
 """A yard in which bearings of reflections cross within 0.1 m of one place, 18 m from the source."""
 
 
+@pytest.mark.whole
 def test_crossing_reflections_are_not_confirmed_repeatedly() -> None:
     log = run_mission(to_be_planned(random_yard(SEED, N_PIECES)), "active", seed=SEED)
     evaluation = make_report(log, 0.0).scores

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import Mission, run_mission
+from tests.envs.helpers import write_yard
 
 GOOD = """\
 import numpy as np
@@ -43,10 +43,7 @@ class Mine:
 def scenario_with(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"') -> Path:
     """Write a scenario that names a Locator in the same folder."""
     (folder / "mine.py").write_text(code, encoding="utf-8")
-    text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
-    file = folder / "yard.toml"
-    file.write_text(f"{text}\n[locating]\n{table}\n", encoding="utf-8")
-    return file
+    return write_yard(folder, f"[locating]\n{table}")
 
 
 def mission_log(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"') -> MissionLog:

@@ -109,6 +109,7 @@ def test_invalid_robot_is_refused_with_one_line_per_error(
 @pytest.mark.parametrize(
     ("model", "expected"),
     [
+        ("", ": must be one of crawler, inspector, or the path of an MJCF file, in .xml"),
         ("walker", "walker: must be one of crawler, inspector, or the path of an MJCF file, in .xml"),
         ("nowhere.xml", "nowhere.xml: no such file; it must be an MJCF file"),
         ("robots/walker", "robots/walker: no such file; it must be an MJCF file"),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pdpatrol.sensing import DischargeSource, ReceiverConfig, Scene
+from pdpatrol.sensing import DischargeSource, ReceiverConfig
 from pdpatrol.sensing.receiver.bank import ReceiverBank
 from tests.sensing.listening import listen, listener
 
@@ -20,13 +20,6 @@ def tram(*, moves: bool = True, at_m: np.ndarray = START_M) -> DischargeSource:
 
 
 POST = DischargeSource(name="post", position_m=np.array([10.0, 20.0, 1.0]), amplitude_v=0.5, pulse_rate_hz=50.0)
-
-
-def test_mover_goes_to_its_far_end_and_back() -> None:
-    scene = Scene([POST, tram()])
-    for time_s, x_m in ((0.0, -30.0), (2.5, 0.0), (5.0, 30.0), (7.5, 0.0), (10.0, -30.0), (61.0, -18.0)):
-        expected = np.array([POST.position_m, (x_m, -20.0, 0.6)])
-        np.testing.assert_allclose(scene.positions_at(time_s), expected, atol=1e-9)
 
 
 def test_mover_follows_its_polyline_back_and_forth() -> None:

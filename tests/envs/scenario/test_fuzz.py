@@ -15,7 +15,6 @@ from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario
 from tests.envs.scenario.drawn_scenarios import SHIPPED_TABLES, SMALL, as_toml, mutated
 
-HOSTILE_FILES = sorted((Path(__file__).parents[4] / "shared" / "findings" / "cases" / "hostile").glob("*.toml"))
 NAMES_OF_CODE = ("tuple[", "literal[", "_shape_of", "instance of", "constrained", "Equipment", "Traceback", "pydantic")
 CHECKS = [
     HealthCheck.too_slow,
@@ -77,11 +76,6 @@ def test_scenario_is_refused_or_runs(n: int, tmp_path: Path) -> None:
         refused_or_run(file)
 
     check()
-
-
-@pytest.mark.parametrize("file", HOSTILE_FILES, ids=lambda file: file.stem)
-def test_hostile_file_is_refused_or_runs(file: Path) -> None:
-    refused_or_run(file)
 
 
 @settings(max_examples=60, deadline=None)

@@ -15,24 +15,12 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.robot_models.description.robot_description import xml_path
 from pdpatrol.robot_models.description.robot_file import load_robot
-from tests.envs.helpers import drive
-
-ONE_SOURCE = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
-
-
-def replaced(text: str, changes: tuple[tuple[str, str], ...]) -> str:
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    return text
+from tests.envs.helpers import drive, replaced, write_yard
 
 
 def with_robot(folder: Path, model: str, *changes: tuple[str, str]) -> Path:
     """Write a scenario with a robot to a folder."""
-    text = replaced(ONE_SOURCE, changes)
-    path = folder / "yard.toml"
-    path.write_text(f'{text}\n[robot]\nmodel = "{model}"\n', encoding="utf-8")
-    return path
+    return write_yard(folder, f'[robot]\nmodel = "{model}"', *changes)
 
 
 def own_robot(folder: Path, *changes: tuple[str, str]) -> None:
@@ -82,18 +70,6 @@ def test_errors_of_the_robot_are_errors_of_the_scenario(tmp_path: Path) -> None:
         f"{path}: robot.model: {file}: gyro: must be a gyro at the site `imu`",
     }
     assert any("array.gain_error" in line for line in refused.value.faults)
-
-
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [("walker", "must be one of crawler"), ("none.xml", "no such file"), ("", "must be one of crawler")],
-)
-def test_unknown_robot_is_named(model: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError) as refused:
-        load_scenario(with_robot(tmp_path, model))
-    (line,) = refused.value.faults
-    assert "robot.model: " in line
-    assert words in line
 
 
 def test_stop_needs_room_for_the_robot(tmp_path: Path) -> None:

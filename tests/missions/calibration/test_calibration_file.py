@@ -15,6 +15,7 @@ from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.missions.cli.mission_files import CALIBRATION_HEADER
+from tests.envs.helpers import write_yard
 from tests.missions.conftest import Refused, call
 
 ROOT = Path(__file__).parents[3]
@@ -63,12 +64,9 @@ def test_scenario_is_restored_without_calibration_file(file: Path) -> None:
 
 
 def test_calibration_path_is_relative_to_scenario(file: Path) -> None:
-    shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
-    named = (
-        shipped.replace("[array]", "[array]\nserial_number = 7") + '\n[locating]\ncalibration = "calibration.toml"\n'
-    )
-    (file.parent / "yard.toml").write_text(named, encoding="utf-8")
-    assert load_scenario(file.parent / "yard.toml").locating.calibration == read_calibration(file)
+    numbered = ("[array]", "[array]\nserial_number = 7")
+    yard = write_yard(file.parent, '[locating]\ncalibration = "calibration.toml"', numbered)
+    assert load_scenario(yard).locating.calibration == read_calibration(file)
 
 
 @pytest.mark.parametrize(

@@ -125,6 +125,7 @@ def test_log_describes_equipment_only_on_the_map() -> None:
     assert "map" not in Mission(RIGHT, "patrol", 0).log.meta["solids"]
 
 
+@pytest.mark.whole
 def test_mission_on_wrong_map_finds_the_discharge() -> None:
     scenario = mapped(missing=("ct_1",), extra=(KIOSK,), moved=({"name": "transformer_2", "by_m": (0.6, -0.4)},))
     report = make_report(run_mission(scenario, seed=4), 0.0)

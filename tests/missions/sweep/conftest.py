@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios" / "one_source.toml"
+from tests.envs.helpers import write_yard
 
 POLICIES = """
 import os, time
@@ -38,7 +38,6 @@ class Dies(Stands):
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Return a folder with a scenario that ends after eight seconds, and policies that fail in different ways."""
-    text = SHIPPED.read_text(encoding="utf-8")
-    (tmp_path / "short.toml").write_text(f"{text}\n[task]\ntime_limit_s = 8.0\n", encoding="utf-8")
+    write_yard(tmp_path, "[task]\ntime_limit_s = 8.0", to="short")
     (tmp_path / "own.py").write_text(POLICIES, encoding="utf-8")
     return tmp_path
