@@ -1,4 +1,4 @@
-"""Random yards with catalogue equipment and one discharge, and an open yard for reinforcement learning."""
+"""Random yards with catalogue equipment and one discharge."""
 
 from __future__ import annotations
 
@@ -74,23 +74,6 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
         array=ArrayConfig(),
         sources=(random_source(yard, rng),),
         task=TaskConfig(time_limit_s=300.0),
-    )
-
-
-def open_yard() -> Scenario:
-    """Make a yard without equipment and with a discharge in mid-air, as a first task for reinforcement learning.
-
-    Each episode draws the position of the discharge, 1.5 m above the ground, its amplitude, the heading at the dock in
-    the south-west corner, and the errors of the array. The route is 84 m long, and the robot drives at most 72 m within
-    the time limit, so that an episode terminates only at the source.
-    """
-    return Scenario(
-        name="open_yard",
-        yard=Yard(size_m=SIZE_M),
-        route=RouteConfig(dock_m=DOCK_M, waypoints_m=((27.0, 4.0), (27.0, 22.0), (5.0, 22.0))),
-        array=ArrayConfig(),
-        sources=(SourceConfig(name="discharge", anywhere_at_m=1.5),),
-        task=TaskConfig(time_limit_s=90.0),
     )
 
 

@@ -169,18 +169,10 @@ class EstimatedErrors:
             gain, in this order, shape (3 n_elements,).
         covariance: Covariance of the state, shape (3 n_elements, 3 n_elements), positive semi-definite, zero for kinds
             of errors that the array does not have.
-
-    Raises:
-        ValueError: If the covariance has the wrong shape.
     """
 
     state: FloatArray
     covariance: FloatArray
-
-    def __post_init__(self) -> None:
-        """Check the shape of the covariance."""
-        if self.covariance.shape != 2 * self.state.shape:
-            raise ValueError(f"`covariance` must have shape {2 * self.state.shape}, got {self.covariance.shape}")
 
     @classmethod
     def of_spread(cls, spread: ElementSpread, n_elements: int) -> Self:

@@ -57,7 +57,6 @@ class PulseBatch(NamedTuple):
         strengths_v: FloatArray,
         variance_v2: FloatArray,
         mains_phase_rad: FloatArray | None = None,
-        is_clipped: BoolArray | None = None,
         band_strengths_v: FloatArray | None = None,
         band_variance_v2: FloatArray | None = None,
     ) -> Self:
@@ -74,7 +73,7 @@ class PulseBatch(NamedTuple):
             misfit=np.full(n, misfit),
             is_usable=np.ones(shape, dtype=np.bool_),
             mains_phase_rad=np.full(n, np.nan) if mains_phase_rad is None else mains_phase_rad,
-            is_clipped=np.zeros(shape, dtype=np.bool_) if is_clipped is None else is_clipped,
+            is_clipped=np.zeros(shape, dtype=np.bool_),
             band_strengths_v=no_bands if band_strengths_v is None else band_strengths_v,
             band_variance_v2=no_bands if band_variance_v2 is None else band_variance_v2,
             elevation_rad=np.zeros(n),
@@ -112,11 +111,6 @@ class PulseBatch(NamedTuple):
     def take(self, rows: slice | IntArray | BoolArray) -> Self:
         """Select pulses by slice, index or mask."""
         columns: list[Any] = [column[rows] for column in self]
-        return type(self)(*columns)
-
-    def first(self, n_pulses: int) -> Self:
-        """Copy the first pulses."""
-        columns: list[Any] = [column[:n_pulses].copy() for column in self]
         return type(self)(*columns)
 
     def without_bands(self) -> Self:

@@ -9,7 +9,6 @@ from dataclasses import astuple, dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dirmusic.angles import difference
 from dirmusic.arrays import FloatArray
@@ -129,7 +128,7 @@ class PhasePattern:
     shift_rad: float
 
 
-def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
+def classify(phase_rad: FloatArray, level_db: FloatArray) -> PhasePattern:
     r"""Classify a phase-resolved pattern of unknown phase shift and level.
 
     Each kind is a mixture of clusters, normally distributed in phase and level, and a few stray pulses. It is described
@@ -144,20 +143,11 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     Returns:
         The classification. The kind is "unknown" if there are fewer than `LEAST_PULSES` pulses, or if an alternative is
         the most probable.
-
-    Raises:
-        ValueError: If shapes disagree or a value is not finite.
     """
-    phase, level = np.asarray(phase_rad, dtype=np.float64), np.asarray(level_db, dtype=np.float64)
-    if phase.ndim != 1 or phase.shape != level.shape:
-        raise ValueError(f"`phase_rad` and `level_db` must both have shape (n,), got {phase.shape} and {level.shape}")
-    if not (np.isfinite(phase).all() and np.isfinite(level).all()):
-        raise ValueError("`phase_rad` and `level_db` must be finite")
-    if phase.size < LEAST_PULSES:
+    if phase_rad.size < LEAST_PULSES:
         return PhasePattern(kind="unknown", confidence=1.0, shift_rad=0.0)
-    if phase.size > MOST_PULSES:
-        some = np.linspace(0, phase.size - 1, MOST_PULSES).astype(np.intp)
-        phase, level = phase[some], level[some]
+    some = np.linspace(0, phase_rad.size - 1, min(phase_rad.size, MOST_PULSES)).astype(np.intp)
+    phase, level = phase_rad[some], level_db[some]
     level = level - np.median(level)
     fits = [_evidence(phase, level, clusters) for _, clusters, _ in PATTERNS]
     unknown = np.logaddexp(_uniform(phase, level), _other(phase, level)) + np.log(0.05)

@@ -24,7 +24,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from pdpatrol.envs.observation import Observation
-from pdpatrol.envs.random_yard import open_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
 from pdpatrol.envs.wrappers import Flattener, bearings_only, bearings_only_space
 
@@ -32,6 +31,7 @@ Array = NDArray[Any]
 Steering = Callable[[Observation], Array]
 """Function that maps the observations of all robots, as of `bearings_only`, to actions, shape (n_robots, 2)."""
 
+OPEN_YARD = Path(__file__).with_name("open_yard.toml")
 N_ROBOTS = 64
 N_STEPS = 128
 """Steps of each robot between two updates: 13 s out of at most 90 s of an episode."""
@@ -53,7 +53,7 @@ class FlatVecEnv(VecEnv):
     """
 
     def __init__(self, num_envs: int) -> None:
-        self.envs = PatrolVectorEnv(num_envs, open_yard(), autoreset_mode=AutoresetMode.SAME_STEP)
+        self.envs = PatrolVectorEnv(num_envs, OPEN_YARD, autoreset_mode=AutoresetMode.SAME_STEP)
         self.flatten = Flattener(bearings_only_space(self.envs.single_observation_space))
         super().__init__(num_envs, self.flatten.space, self.envs.single_action_space)
 
@@ -124,7 +124,7 @@ def random_steering(seed: int, hold_steps: int = 10) -> Steering:
 
 def evaluate(steering: Steering, n_yards: int, first_seed: int) -> dict[str, Any]:
     """Count the yards in which a steering function reaches the source in time, and compute its median time."""
-    envs = PatrolVectorEnv(n_yards, open_yard())
+    envs = PatrolVectorEnv(n_yards, OPEN_YARD)
     observation, _ = envs.reset(seed=first_seed)
     reached_s, running, step = np.full(n_yards, np.nan), np.ones(n_yards, np.bool_), 0
     while running.any():
@@ -140,7 +140,7 @@ def evaluate(steering: Steering, n_yards: int, first_seed: int) -> dict[str, Any
 
 def steering_of(model: PPO) -> Steering:
     """Return the steering function that a model has learned: the mean of its action distribution."""
-    flatten = Flattener(bearings_only_space(PatrolVectorEnv(1, open_yard()).single_observation_space))
+    flatten = Flattener(bearings_only_space(PatrolVectorEnv(1, OPEN_YARD).single_observation_space))
     return lambda observation: model.predict(flatten(observation), deterministic=True)[0]
 
 

@@ -87,9 +87,7 @@ def root_mean_square(values: FloatArray, axis: int | None = None) -> FloatArray:
     return np.sqrt(np.nanmean(np.square(values), axis=axis))
 
 
-def cluster_bootstrap(
-    clusters: Sequence[ArrayLike] | FloatArray, statistic: Callable[..., Any], n_resamples: int = 2000
-) -> Estimate:
+def cluster_bootstrap(clusters: Sequence[ArrayLike] | FloatArray, statistic: Callable[..., Any]) -> Estimate:
     """Estimate a statistic of clustered values with a bootstrap interval that resamples clusters.
 
     The percentiles are widened for few clusters (Hesterberg 2015, section 5.3). The seed is fixed, so that the same
@@ -98,7 +96,6 @@ def cluster_bootstrap(
     Args:
         clusters: Values of each cluster; NaN, infinite values and empty clusters are ignored.
         statistic: Function of an array and an axis that ignores NaN, such as `np.nanmedian`.
-        n_resamples: Number of bootstrap resamples.
     """
     arrays = [np.atleast_1d(np.asarray(each, np.float64)) for each in clusters]
     arrays = [values[np.isfinite(values)] for values in arrays if np.isfinite(values).any()]
@@ -119,7 +116,7 @@ def cluster_bootstrap(
     result = stats.bootstrap(
         (np.arange(k),),
         resampled,
-        n_resamples=n_resamples,
+        n_resamples=2000,
         batch=1 + 1_000_000 // padded.size,  # bounds the memory
         vectorized=True,
         confidence_level=1.0 - 2.0 * tail,

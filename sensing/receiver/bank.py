@@ -151,9 +151,8 @@ class ReceiverBank:
                 row, n = detect(self._states[robot], due, world_from_array[robot], held, row, robot)
                 n_rejected += n
         found = held.value
-        return DetectedPulses(
-            found.robot[:row].copy(), found.pulses.first(row), found.waveforms_v[:row].copy(), n_rejected
-        )
+        kept = DetectedPulses(found.robot[:row], found.pulses.take(slice(row)), found.waveforms_v[:row], n_rejected)
+        return DetectedPulses.join([kept])  # copies, because the memory is used again
 
     def _room(self, n_pulses: int) -> Held[DetectedPulses]:
         config = self._receiver.config

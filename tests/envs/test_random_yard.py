@@ -1,9 +1,12 @@
 """Random yards are valid and determined by their seed, and their sources are in sight of free ground."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from dirmusic.angles import aperture
+from pdpatrol.envs import load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import (
     AIR_M,
@@ -12,7 +15,6 @@ from pdpatrol.envs.random_yard import (
     N_WAYPOINTS,
     OFF_SITE_M,
     SEEN_FROM_M,
-    open_yard,
     place_off_sites,
     random_source,
     random_yard,
@@ -59,7 +61,7 @@ def test_number_of_obstructions_is_checked(n: int) -> None:
 
 
 def test_open_yard_ends_by_approach_or_time_alone() -> None:
-    scenario = open_yard()
+    scenario = load_scenario(Path(__file__).parents[2] / "examples" / "learning" / "open_yard.toml")
     env = PatrolEnv(scenario, full_info=True)
     starts = [env.reset(seed=seed)[1] for seed in range(40)]
     places_m = np.array([start["truth"]["sources"][0]["position_m"] for start in starts])

@@ -1,6 +1,7 @@
 """Wrappers for flat and bearings-only observations."""
 
 import pickle
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -9,13 +10,14 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from dirmusic.angles import difference
+from pdpatrol.envs import load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
-from pdpatrol.envs.random_yard import open_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
 from pdpatrol.envs.wrappers import BearingsOnly, FlatObservation, Flattener, bearings_only, bearings_only_space
 from tests.envs.helpers import drive
 
 ACTION = drive(0.8, 0.4)
+OPEN_YARD = Path(__file__).parents[2] / "examples" / "learning" / "open_yard.toml"
 
 
 def make() -> PatrolEnv:
@@ -62,9 +64,9 @@ def test_flat_observation_has_every_entry_scaled() -> None:
 
 
 def test_functions_apply_to_batches() -> None:
-    rows, n_detected = PatrolVectorEnv(4, open_yard(), num_threads=1), 0
+    rows, n_detected = PatrolVectorEnv(4, load_scenario(OPEN_YARD), num_threads=1), 0
     flatten = Flattener(bearings_only_space(rows.single_observation_space))
-    singles = [FlatObservation(BearingsOnly(PatrolEnv(open_yard()))) for _ in range(4)]
+    singles = [FlatObservation(BearingsOnly(PatrolEnv(load_scenario(OPEN_YARD)))) for _ in range(4)]
     batch, _ = rows.reset(seed=8)
     one_by_one = [env.reset(seed=8 + row)[0] for row, env in enumerate(singles)]
     for _ in range(30):
