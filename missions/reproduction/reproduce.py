@@ -18,7 +18,6 @@ from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.report.page import embed, render
 from pdpatrol.missions.reproduction import exhibits
 from pdpatrol.missions.reproduction.comparison import Exhibit, Measured, Row, published, verdict
-from pdpatrol.missions.reproduction.field_test import field_test
 from pdpatrol.missions.reproduction.figures import draw_bars
 from pdpatrol.missions.reproduction.simulation import N_RECORD, SAMPLE_RATE_HZ, Trials
 
@@ -27,7 +26,7 @@ PARTS = (
     exhibits.noise_tables,
     exhibits.manifold_errors,
     exhibits.element_counts,
-    field_test,
+    exhibits.field_test,
     exhibits.phase_method,
     exhibits.sample_rates,
 )
