@@ -1,7 +1,5 @@
 """Arithmetic of angles on the circle. `wrapped` is the scalar version of `wrap`, for compiled loops."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

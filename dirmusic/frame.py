@@ -1,7 +1,5 @@
 """Displacement and rotation of the frame in which poses are given, against the map."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Reading of input files, and the errors that it raises."""
 
-from __future__ import annotations
-
 import stat
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Ground truth of one episode: sources, interferers, and the array with its errors, drawn or set at the reset."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import radians
 from typing import Any, NamedTuple, Self

@@ -1,7 +1,5 @@
 """Simulation of the pose sensor, odometry and battery of the robots."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dirmusic.angles import wrapped

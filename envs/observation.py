@@ -1,7 +1,5 @@
 """Entries and bounds of the observation, and a compiled function that computes it for all robots."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """PatrolEnv: one robot in one yard as a Gymnasium environment."""
 
-from __future__ import annotations
-
 import inspect
 import operator
 import pkgutil

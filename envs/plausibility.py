@@ -1,7 +1,5 @@
 """Warnings about scenario settings that are valid but probably not intended."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import inf
 

@@ -1,7 +1,5 @@
 """Task progress of an episode: approached sources, visited waypoints, reward and termination."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dirmusic.arrays import FloatArray

@@ -1,7 +1,5 @@
 """Random yards with catalogue equipment and one discharge."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dirmusic.angles import aperture

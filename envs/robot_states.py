@@ -1,7 +1,5 @@
 """State and parameters of the simulated robots, as arrays for the compiled functions of the environments."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple, Self, get_type_hints
 

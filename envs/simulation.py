@@ -4,8 +4,6 @@ Each array has one row per robot. A row is bit-identical whatever the other rows
 generators, and no computation mixes rows.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from itertools import groupby

@@ -1,7 +1,5 @@
 """PatrolVectorEnv: vectorised environment of many robots, each in its own copy of one yard."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path

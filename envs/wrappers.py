@@ -1,7 +1,5 @@
 """Simpler observations for reinforcement learning: functions on batches, and wrappers of a single environment."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

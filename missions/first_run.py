@@ -1,7 +1,5 @@
 """Compilation of all kernels before the first mission on a machine, so that later commands and workers load them."""
 
-from __future__ import annotations
-
 from rich.console import Console
 
 from dirmusic.compiled import is_cache_complete, mark_cache_complete

@@ -1,7 +1,5 @@
 """Films of missions: the robot in its yard next to the plan, from the log alone."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path

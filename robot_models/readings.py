@@ -1,7 +1,5 @@
 """Readings of the simulated robots: poses, wheels, motors and lidar, in a compiled loop over the robots."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Rendering of a world: camera and window of the environment, and images at given poses."""
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

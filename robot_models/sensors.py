@@ -2,8 +2,6 @@
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ The ranges are wider than those of any real receiver, antenna or yard, and narro
 All are assumed; they only serve to reject mistakes. -0.0 becomes 0.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field

@@ -1,7 +1,5 @@
 """Bounds on the bearing error: the Cramer-Rao bound for noise, and array errors, which averaging does not reduce."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

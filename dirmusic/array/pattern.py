@@ -1,7 +1,5 @@
 """Gain of one directional element as a function of the angle off its boresight, in the plane and in space."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple, Protocol
 

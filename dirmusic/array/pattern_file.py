@@ -1,7 +1,5 @@
 """Reading of pattern files: CSV tables, in the plane or over azimuth, elevation and frequency, and MSI Planet files."""
 
-from __future__ import annotations
-
 import csv
 from itertools import takewhile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Gain of one directional element over azimuth, elevation and frequency, as measured or computed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -6,8 +6,6 @@ channels agree once it is omitted. An error of the pattern that all elements sha
 well: a wrong data sheet is not a fault of a channel.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Literal, NamedTuple
 

@@ -5,8 +5,6 @@ whereas a faulty channel deviates alone. Comparing the elements therefore separa
 several directions.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dirmusic.angles import difference

@@ -1,7 +1,5 @@
 """Waves from above the plane of the array: elevations of pulses that no direction in the plane explains."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

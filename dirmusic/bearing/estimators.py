@@ -1,7 +1,5 @@
 """Bearing estimators: their protocol, a table of the built-in ones, and two coarse ones for comparison."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Maximum-likelihood estimation of bearings from strengths, refined between grid points, with standard deviations."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

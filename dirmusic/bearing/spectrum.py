@@ -1,7 +1,5 @@
 """Noise subspace, pseudo-spectrum and its peaks, and estimation of the number of sources."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dirmusic.angles import wrap

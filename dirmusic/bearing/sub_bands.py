@@ -1,7 +1,5 @@
 """Strengths in sub-bands, and estimation of bearings from them for a pattern that depends on frequency."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

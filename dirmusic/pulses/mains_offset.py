@@ -4,8 +4,6 @@ The phases that a receiver measures with a clock not locked to the mains drift b
 which blurs the phase-resolved patterns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

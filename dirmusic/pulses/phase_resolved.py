@@ -3,8 +3,6 @@
 Simulated discharges deviate from the typical patterns; `pdpatrol.sensing` draws the deviations.
 """
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass, replace
 from typing import Literal, NamedTuple
 

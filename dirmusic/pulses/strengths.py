@@ -1,7 +1,5 @@
 """Gates, strengths and covariances of recorded pulses."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 import numpy as np

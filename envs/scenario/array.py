@@ -1,7 +1,5 @@
 """Antenna array: scenario table, data sheet, and calibrations that one mission passes on to the next."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Base classes, types and error messages that all tables of a scenario file share."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Loading of scenario files, with one line per error, and their JSON Schema."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Scenario tables of the bearing estimator and the Locator."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from math import radians
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenario tables for the errors of the yard's map and for its position on Earth."""
 
-from __future__ import annotations
-
 from operator import add
 from typing import Annotated
 

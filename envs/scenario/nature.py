@@ -1,7 +1,5 @@
 """Scenario table of nature: true values that may differ from the beliefs of the robot."""
 
-from __future__ import annotations
-
 from math import radians
 from typing import Annotated, Self
 

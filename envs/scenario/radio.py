@@ -1,7 +1,5 @@
 """Radio propagation: settings, and the reflecting and obstructing surfaces of a yard."""
 
-from __future__ import annotations
-
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import Surroundings, upright_solids
 from pdpatrol.sensing.quantities import Config

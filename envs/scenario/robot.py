@@ -1,7 +1,5 @@
 """Scenario tables of the robot: its model, pose sensor, odometry, lidar and battery."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 from math import exp, radians

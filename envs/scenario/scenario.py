@@ -1,7 +1,5 @@
 """The scenario: all settings of a mission, and checks across several tables."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Iterator, Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Scenario tables for radiating sources: discharges and their growth, impulsive interferers, and carriers."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import dist, hypot
 from typing import Annotated, Self

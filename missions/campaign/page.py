@@ -1,7 +1,5 @@
 """Trend as rows of a table and as the A4 page trend.html."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Content of trend.json, each field with its unit and frame."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

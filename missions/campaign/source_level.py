@@ -1,7 +1,5 @@
 """Level and rate of a discharge in one inspection, with the effects of distance, gain and trigger removed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Trend of the discharges of a yard over repeated inspections: which are new, grown, or gone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

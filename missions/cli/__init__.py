@@ -1,7 +1,5 @@
 """The command `pdpatrol`: one module per verb, imported only when the verb is used."""
 
-from __future__ import annotations
-
 import os
 import sys
 from difflib import get_close_matches

@@ -1,7 +1,5 @@
 """Arguments of a verb, parsed by tyro and checked by pydantic, and the options that several verbs have."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path

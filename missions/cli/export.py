@@ -1,7 +1,5 @@
 """`pdpatrol export`: convert a mission to the formats of other tools."""
 
-from __future__ import annotations
-
 from pdpatrol.missions.cli.arguments import MissionFolder, OutFolder
 from pdpatrol.missions.cli.terminal import err, note, output_folder, print_written
 from pdpatrol.missions.export.export_mission import export_mission

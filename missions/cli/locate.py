@@ -1,7 +1,5 @@
 """`pdpatrol locate`: findings from field data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Files of a mission: reading, writing, and printing their content."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import sys

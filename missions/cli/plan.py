@@ -1,7 +1,5 @@
 """`pdpatrol plan`: a tour from which every site of a yard is covered."""
 
-from __future__ import annotations
-
 import json
 from typing import Annotated
 

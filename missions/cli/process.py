@@ -3,8 +3,6 @@
 This module imports nothing that loads slowly, so that signals are handled from the start.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """`pdpatrol replay`: show recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

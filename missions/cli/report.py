@@ -1,7 +1,5 @@
 """`pdpatrol report`: the report of a mission, written again from its log."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """`pdpatrol reproduce`: the tables and figures of the paper, reproduced and compared."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field, NonNegativeInt

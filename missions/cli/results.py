@@ -1,7 +1,5 @@
 """`pdpatrol results`: statistics of sweeps."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """`pdpatrol run`: one mission."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`pdpatrol scenarios`: the shipped scenarios, and the errors in a file."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import tyro

@@ -1,7 +1,5 @@
 """`pdpatrol sweep`: many missions in parallel."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Terminal output, error exits and output folders of all verbs."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """`pdpatrol trend`: change of discharges over repeated inspections."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

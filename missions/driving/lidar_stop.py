@@ -1,7 +1,5 @@
 """Speed at which the robot can still stop before an obstacle that its lidar measures."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist

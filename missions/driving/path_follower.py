@@ -1,7 +1,5 @@
 """Driving to a goal: the path, the command that follows it, and the end of the drive."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

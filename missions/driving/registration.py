@@ -23,8 +23,6 @@ References:
     Lange, Little and Taylor, "Robust statistical modeling using the t distribution", 1989: weights.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Write a mission as CSV, GeoJSON, Parquet and MCAP."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial

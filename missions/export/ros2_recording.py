@@ -3,8 +3,6 @@
 Frames: `map` of the yard, `base_link` of the robot at its estimated pose, `laser` of its lidar.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path

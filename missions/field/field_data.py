@@ -1,7 +1,5 @@
 """Field data: a table of poses with the strengths of pulses, or with the names of recorded waveforms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """CSV tables of field data, read by pyarrow."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path

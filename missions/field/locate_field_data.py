@@ -1,7 +1,5 @@
 """Locate discharges in field data; the result is a log like that of a mission."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """Array, receiver, poses and yard of a survey, as the options of `pdpatrol locate` state them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from datetime import date as calendar_date
 from pathlib import Path

@@ -4,8 +4,6 @@ A file is `.npz` with `waveforms` of shape (n_channels, n_samples) or (n_pulses,
 `sample_rate_hz` and, for counts, `volts_per_count`; or `.csv` with `time_s` and `channel_1` to `channel_n`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

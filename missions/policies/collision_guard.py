@@ -1,7 +1,5 @@
 """Collision guard: stops before obstacles that the lidar measures, adds them to the map, and backs off when stuck."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Policies by name: built-in ones, with the references `random` and `oracle`, and those of users."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Sequence
 from typing import Any

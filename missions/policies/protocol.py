@@ -1,7 +1,5 @@
 """The contract of a policy, checks of its actions, and helpers to read an observation."""
 
-from __future__ import annotations
-
 import operator
 import textwrap
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Seek and Active: leave the route for a candidate as long as that helps and the route can still be finished."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

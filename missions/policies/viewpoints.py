@@ -5,8 +5,6 @@ weighs the new angle that a place adds against the path to it, both in metres; `
 on the candidate's position per metre of path.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dirmusic import Finding

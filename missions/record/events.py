@@ -1,7 +1,5 @@
 """Kinds of events of a mission, and what its policy was doing."""
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 EventKind = Literal[

@@ -1,7 +1,5 @@
 """Array, grid, yards and bearing errors of a log, rebuilt from its metadata."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

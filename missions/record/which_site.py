@@ -1,7 +1,5 @@
 """Probabilities that a finding is on a known site, elsewhere on a piece of equipment, or anywhere else in the yard."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

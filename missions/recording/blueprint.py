@@ -1,7 +1,5 @@
 """Layout of the viewer."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

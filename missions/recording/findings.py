@@ -1,7 +1,5 @@
 """Findings, their 95 % ellipses and phase-resolved patterns, the likelihood on the ground, status text and events."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

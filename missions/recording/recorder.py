@@ -1,7 +1,5 @@
 """Conversion of a mission log, growing or complete, to a Rerun recording."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Yard, route, true sources, robot and pulses as entities of a recording, and the shapes that several views share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Rerun viewers: native, in a browser on this machine, live, and as a screenshot. They end with the command."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

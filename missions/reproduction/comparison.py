@@ -1,7 +1,5 @@
 """Comparison of the paper's numbers with ours: statistics of errors, their predictions, and the verdict."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Tables and figures of the paper and of its successor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial

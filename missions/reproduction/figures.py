@@ -1,7 +1,5 @@
 """Figures of the reproduction: bar charts of the paper's numbers next to ours, Fig. 1, Fig. 3 and Fig. 4."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

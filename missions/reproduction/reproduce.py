@@ -1,7 +1,5 @@
 """Run the trials of all exhibits, and write reproduction.json, reproduction.html and the pictures."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Sequence

@@ -5,8 +5,6 @@ number of samples, so covariances are drawn from their exact distribution, the n
 records are drawn only where the pulse has to be found first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Event

@@ -1,7 +1,5 @@
 """Statistics of a dataset: summaries with 95 % confidence intervals, and paired comparisons."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from itertools import product

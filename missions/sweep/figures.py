@@ -1,7 +1,5 @@
 """Figures of a dataset: error distribution, sources found over time, and both over a setting."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import cast

@@ -1,7 +1,5 @@
 """Plan of a sweep: scenarios times settings times policies times seeds, one job for each mission."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Missions in local processes: one that hangs, dies or runs out of memory becomes a row and does not stop the rest."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import resource

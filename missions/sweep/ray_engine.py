@@ -4,8 +4,6 @@ A Ray worker keeps one process for missions and runs them as on a single machine
 runs out of memory gives the same row and does not affect Ray.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import socket

@@ -1,7 +1,5 @@
 """Summaries and comparisons as tables: for a terminal, as Markdown, and as CSV."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Descriptions of robots: dimensions and limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -5,8 +5,6 @@ same kinds). If the kind alone defines its shape, also add a function that build
 `CATALOGUE`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

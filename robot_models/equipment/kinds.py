@@ -3,8 +3,6 @@
 All dimensions are assumed and are typical of this voltage class.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Pieces of equipment in a yard: single boxes and cylinders, and kinds from the catalogue."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self

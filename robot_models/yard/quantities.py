@@ -4,8 +4,6 @@ All bounds are assumed. They are wider than those of any outdoor substation that
 given in millimetres.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import AfterValidator, Field

@@ -4,8 +4,6 @@ World frame: x east, y north, z up, origin on the ground at the south-west corne
 need MuJoCo, so that scenarios can be checked and paths planned without a model.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Self
 

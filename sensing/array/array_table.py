@@ -1,7 +1,5 @@
 """Tables of an antenna array and its gains, for compiled functions."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple, Self
 

@@ -1,7 +1,5 @@
 """Patterns whose beams are wider or narrower than those of a data sheet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

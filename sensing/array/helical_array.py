@@ -1,7 +1,5 @@
 """Array of helical antennas: its configuration, the nominal array of the data sheet, and arrays as built."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Compiled functions for the arrivals of pulses at the elements of an array along every ray path."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -10,8 +10,6 @@ for two edges, because the UTD of a wedge does not cover a wave that arrives alo
 along a metal edge vanish on its faces. Fields vary as exp(j (omega t - k r)).
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from typing import NamedTuple

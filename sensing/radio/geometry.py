@@ -1,7 +1,5 @@
 """Vectors, frames, segments and upright solids for compiled functions."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Transmission and reflection of equipment and ground materials for radio waves from 1.4 to 2.2 GHz."""
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple, Self
 
 import numpy as np

@@ -4,8 +4,6 @@ Fields are relative to the field of an isotropic, linearly polarised source, so 
 length 1. Waves vary as exp(j (omega t - k r)).
 """
 
-from __future__ import annotations
-
 import cmath
 from typing import NamedTuple
 

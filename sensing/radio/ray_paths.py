@@ -1,7 +1,5 @@
 """Direct, reflected and diffracted ray paths from sources to an array, found in one compiled call."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

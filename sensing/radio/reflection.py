@@ -1,7 +1,5 @@
 """Compiled functions for reflection by flat faces and cylinders."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

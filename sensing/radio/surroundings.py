@@ -1,7 +1,5 @@
 """Surroundings of sources and robots: reflecting faces, obstacles, and their materials."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 

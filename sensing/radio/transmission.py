@@ -6,8 +6,6 @@ the transmitted part, because rays around its edges are traced separately (`diff
 treated as a knife edge.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

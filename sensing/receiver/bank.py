@@ -1,7 +1,5 @@
 """Bank of receivers: detection of pulses by several robots at the same time."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Configuration of the receiver."""
 
-from __future__ import annotations
-
 from math import ceil
 from typing import Annotated, Literal, Self
 

@@ -1,7 +1,5 @@
 """True receiver, where it differs from the assumed one: channel faults, drift, and the mains frequency."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 

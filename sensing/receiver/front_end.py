@@ -3,8 +3,6 @@
 This module imports `scipy.signal`, which takes 0.9 s.
 """
 
-from __future__ import annotations
-
 from functools import cached_property, lru_cache
 
 import numpy as np

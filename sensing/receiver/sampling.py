@@ -23,8 +23,6 @@ arrays of a record when it unpacks it. Arguments are variables where possible, b
 for each literal.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
