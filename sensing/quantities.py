@@ -6,13 +6,11 @@ All are assumed; they only serve to reject mistakes. -0.0 becomes 0.
 
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 
-class Config(BaseModel):
+class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Base class of all configurations: frozen and strict; rejects unknown keys, infinity and NaN."""
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0

@@ -85,7 +85,9 @@ def root_mean_square(values: FloatArray, axis: int | None = None) -> FloatArray:
     return np.sqrt(np.nanmean(np.square(values), axis=axis))
 
 
-def cluster_bootstrap(clusters: Sequence[ArrayLike] | FloatArray, statistic: Callable[..., Any]) -> Estimate:
+def cluster_bootstrap(
+    clusters: Sequence[ArrayLike] | FloatArray, statistic: Callable[..., Any], n_resamples: int = 2000
+) -> Estimate:
     """Estimate a statistic of clustered values with a bootstrap interval that resamples clusters.
 
     The percentiles are widened for few clusters (Hesterberg 2015, section 5.3). The seed is fixed, so that the same
@@ -94,6 +96,7 @@ def cluster_bootstrap(clusters: Sequence[ArrayLike] | FloatArray, statistic: Cal
     Args:
         clusters: Values of each cluster; NaN, infinite values and empty clusters are ignored.
         statistic: Function of an array and an axis that ignores NaN, such as `np.nanmedian`.
+        n_resamples: Number of bootstrap resamples.
     """
     arrays = [np.atleast_1d(np.asarray(each, np.float64)) for each in clusters]
     arrays = [values[np.isfinite(values)] for values in arrays if np.isfinite(values).any()]
@@ -114,7 +117,7 @@ def cluster_bootstrap(clusters: Sequence[ArrayLike] | FloatArray, statistic: Cal
     result = stats.bootstrap(
         (np.arange(k),),
         resampled,
-        n_resamples=2000,
+        n_resamples=n_resamples,
         batch=1 + 1_000_000 // padded.size,  # bounds the memory
         vectorized=True,
         confidence_level=1.0 - 2.0 * tail,
