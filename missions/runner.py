@@ -210,7 +210,7 @@ class Mission:
         if is_new_frame:
             self._log_frame()
         for suspect in info["suspects"]:
-            self.log.event("channel fault", f"{suspect}: not used from here on")
+            self.log.event("channel fault", f"{suspect}: not used from here on", suspect.channel)
         with on("locating"):
             self._tracker.track(info["time_s"], pose, info["pulses"])
         self._log_events(info)

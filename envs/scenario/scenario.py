@@ -69,6 +69,8 @@ class RouteConfig(Config):
     """Heading at the start, counter-clockwise from x; by default drawn for each mission."""
     waypoints_m: Waypoints = ()
     """Waypoints in order, or `"planned"` to plan them on the map when the mission starts, as `pdpatrol plan` does."""
+    dwell_s: Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO] = 0.0
+    """Time for which the robot stands and listens at each waypoint, for discharges of few pulses."""
 
     @property
     def stops_m(self) -> tuple[tuple[float, float], ...]:
@@ -83,6 +85,15 @@ class RouteConfig(Config):
                 "missions.planning.with_planned_route"
             )
         return self.waypoints_m
+
+
+class InspectionConfig(Config):
+    """Weakest discharge that an inspection must not miss: `plan` and the report state which sites it is excluded at."""
+
+    level_dbv: Annotated[float, Field(ge=-100.0, le=60.0)] = -20.0
+    """Peak of its pulses in a unit-gain channel 1 m away, dB relative to 1 V. Assumed."""
+    rate_hz: Annotated[float, Field(ge=1e-3, le=1e4)] = 1.0
+    """Its pulses per second. Assumed."""
 
 
 class TaskConfig(Config):
@@ -121,6 +132,7 @@ class Scenario(Config):
     odometry: OdometryConfig = OdometryConfig()
     battery: BatteryConfig = BatteryConfig()
     task: TaskConfig = TaskConfig()
+    inspection: InspectionConfig = InspectionConfig()
     campaign: CampaignConfig = CampaignConfig()
     georeference: GeoreferenceConfig | None = None
     nature: NatureConfig = NatureConfig()

@@ -58,7 +58,7 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
 
 def write_report(log: MissionLog, folder: Path) -> Report:
     """Write report.json and then report.html, which takes longer, and return the report."""
-    report = make_report(log, log.meta.get("wall_time_s", 0.0), inspect_sites(log))
+    report = make_report(log, log.meta.get("wall_time_s", 0.0), inspect_sites(log, model_is_trusted=True))
     write_text(folder / "report.json", report_text(report))
     write_text(folder / "report.html", report_page(log, report))
     return report

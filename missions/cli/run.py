@@ -18,6 +18,7 @@ from pdpatrol.missions.cli.terminal import err, fail, note, output_folder, progr
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.wording import inspection_text
 from pdpatrol.missions.runner import Mission, Stopwatch
 
 
@@ -122,6 +123,8 @@ def _summary(report: Report) -> list[str]:
     for kind, numbers in (("missed", report.waypoints.missed), ("unreachable", report.waypoints.unreachable)):
         if numbers:
             lines.append(f"waypoints {kind}: {', '.join(map(str, numbers))}")
+    if report.inspection is not None and report.findings:  # otherwise the summary states it
+        lines.append(inspection_text(report.inspection))
     scores = report.scores
     found = f"{len(scores.matches)} of {len(scores.sources)} sources found, {scores.false_findings} false findings"
     lines.append(f"{found}; {scores.wrong_confirmations} of {scores.confirmations} confirmations were wrong")

@@ -80,7 +80,7 @@ TABLES: dict[str, dict[str, str]] = {
     "event": {
         "step": "i8",
         "kind": "U",  # `record.events.EventKind`
-        "number": "i8",  # waypoint, from 1, or id of the finding; 0 for other events
+        "number": "i8",  # waypoint or channel, from 1, or id of the finding; 0 for other events
         "subject": "U",  # touched object, or reason for the end; empty for other events
         "text": "U",  # one sentence for people
     },
@@ -137,7 +137,7 @@ class MissionLog:
         Args:
             kind: Kind of the event.
             text: One sentence for people, which can be understood without the other arguments.
-            number: Number of the waypoint, from 1, or id of the finding; 0 for other events.
+            number: Number of the waypoint or channel, from 1, or id of the finding; 0 for other events.
             subject: Name of the touched object, or the reason for the end of the mission; empty for other events.
         """
         self.append("event", step=self.last_step, kind=kind, number=number, subject=subject, text=text)

@@ -45,7 +45,8 @@ STATES = {
 
 SITE_MARKS = {
     "inspected": ("o", "#1e8449", "site, inspected"),
-    "partly_inspected": ("^", "#d68910", "site, from too few directions"),
+    "finding": ("s", "#b3261e", "site, finding near"),
+    "unexplained": ("^", "#d68910", "site, unexplained pulses"),
     "not_inspected": ("X", "#6c3483", "site, not inspected"),
 }
 """Marker, colour and legend of sites by state of inspection."""

@@ -48,7 +48,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
     findings = tuple(finding for finding in found if finding.state == "confirmed")
     time_s, battery = step["time_s"], step["battery"][-1:]
     return Report(
-        schema=7,
+        schema=8,
         scenario=log.meta["name"],
         seed=log.meta["seed"],
         policy=log.meta["policy"],

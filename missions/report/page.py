@@ -20,6 +20,7 @@ from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import (
     ADVICE_LIMITS,
     PULSE_CLASSES,
+    SITE_STATES,
     advice_of,
     kind_text,
     site_text,
@@ -72,6 +73,7 @@ def report_page(log: MissionLog, report: Report) -> str:
         pulse_classes=[(getattr(report.pulses, name), text) for name, text in PULSE_CLASSES.items()],
         settings=_settings(log.meta),
         advice_limits=ADVICE_LIMITS,
+        site_states=SITE_STATES,
         advice_of=advice_of,
     )
 

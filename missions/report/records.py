@@ -159,26 +159,27 @@ class SiteInspection(ReportPart):
 
     name: str
     """`equipment/site`."""
-    state: Literal["inspected", "partly_inspected", "not_inspected"]
-    """`inspected` if a discharge of `level_db` would have been detected from within `range_m` over `aperture_deg`;
-    `partly_inspected` if from fewer directions; `not_inspected` if from nowhere."""
-    nearest_m: Length | None
-    """Smallest horizontal distance in line of sight, metres; null if beyond `range_m`."""
-    aperture_deg: Number
-    """Angle, seen from the site, over which the discharge would have been detected."""
+    state: Literal["inspected", "finding", "unexplained", "not_inspected"]
+    """`inspected` if a discharge of `level_db` and `rate_hz` is excluded; `finding` if one was located, or may be,
+    within 2 m; `unexplained` if pulses from there belong to no finding, or pulses contradict the model; `not_inspected`
+    if too few pulses would have been detected, or from too few directions."""
+    probability: Probability
+    """Probability that such a discharge would have been confirmed or remained a candidate, and left more traces."""
     min_level_db: Number | None
-    """Weakest detectable discharge, decibels relative to one volt at 1 m; null if never in sight within `range_m`."""
+    """Weakest level excluded at `rate_hz`, decibels relative to one volt at 1 m, in steps of 3; null if none."""
+    min_rate_hz: Number | None
+    """Lowest rate excluded at `level_db`, pulses per second, in steps of about two; null if none."""
+    nearest_m: Length | None
+    """Smallest horizontal distance in line of sight, metres; null if never in sight within 20 m."""
 
 
 class SiteInspections(ReportPart):
-    """Inspection of the sites of the map from the robot's poses; assumes a receiver and an array without faults."""
+    """Inspection of the sites of the map from the robot's poses, with the channels that were not found faulty."""
 
-    range_m: Length
-    """Horizontal distance within which findings can be confirmed, metres."""
-    aperture_deg: Number
-    """Aperture needed to confirm a finding."""
     level_db: Number
-    """Peak of the assumed discharge, decibels relative to one volt at 1 m."""
+    """Level of the discharge that is excluded, decibels relative to one volt at 1 m."""
+    rate_hz: Number
+    """Its pulses per second."""
     sites: tuple[SiteInspection, ...]
     """Every site, in the order of the map."""
 
@@ -248,8 +249,8 @@ class Scores(ReportPart):
     wrong_s: Length
     """Total time for which findings were shown so, seconds."""
     false_all_clears: tuple[str, ...] | None
-    """Inspected sites with a source of the stated level or more, without a confirmed finding within 1 m of it; null
-    if the inspection is not known."""
+    """Inspected sites with a source of at least the stated level and rate, without a confirmed finding within 1 m of
+    it; null if the inspection is not known."""
 
     @property
     def matches(self) -> tuple[SourceMatch, ...]:
@@ -260,7 +261,7 @@ class Scores(ReportPart):
 class Report(ReportPart):
     """Findings of a mission, their uncertainty, and the inspection of the sites."""
 
-    schema_number: Literal[7] = Field(alias="schema")
+    schema_number: Literal[8] = Field(alias="schema")
     """Number of this schema."""
     scenario: str
     """Name of the scenario, or of the table of field data."""

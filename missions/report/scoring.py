@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from dirmusic.arrays import FloatArray
+from dirmusic.arrays import BoolArray, FloatArray
 from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.missions.planning.confirmation_probability import WINDOW_S
 from pdpatrol.missions.record.log_contents import known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import true_place
@@ -23,6 +24,9 @@ RIGHT_M = 1.0
 
 WRONG_S = 2.0
 """Total time, in seconds, beyond which a finding shown as confirmed at a wrong place counts as a wrong confirmation."""
+
+NEAR_M = 8.0
+"""Horizontal distance within which a source must be active to make an all-clear false. Assumed."""
 
 LEAST_PROBABILITY = 1e-6
 """Smallest probability in the log score of the site. Assumed; otherwise one probability of zero makes means infinite.
@@ -71,15 +75,15 @@ def score_mission(
         )
     false_all_clears = None
     if inspection is not None:
-        rate_hz = 0.0  # the inspection states no rate, so any rate counts
         time_s, certified = log.column("step", "time_s"), inspection.names("inspected")
+        away_m = np.linalg.norm(log.column("step", "true_pose")[:, np.newaxis, :2] - true_m[:, :2], axis=-1)
         is_missed = [not (np.linalg.norm((found_m - place_m)[:, :2], axis=-1) <= RIGHT_M).any() for place_m in true_m]
         false_all_clears = tuple(
             source.true_site
-            for source, missed, truth, config in zip(sources, is_missed, truths, configs, strict=True)
-            if missed
+            for k, (source, truth, config) in enumerate(zip(sources, truths, configs, strict=True))
+            if is_missed[k]
             and source.true_site in certified
-            and _is_excluded(truth, config, time_s, inspection.level_db, rate_hz)
+            and _is_excluded(truth, config, time_s, away_m[:, k] <= NEAR_M, inspection)
         )
     return Scores(
         sources=tuple(sources),
@@ -194,19 +198,19 @@ def _activity_s(config: SourceConfig) -> tuple[float, float]:
 
 
 def _is_excluded(
-    truth: Mapping[str, Any], config: SourceConfig, time_s: FloatArray, level_db: float, rate_hz: float
+    truth: Mapping[str, Any], config: SourceConfig, time_s: FloatArray, is_near: BoolArray, inspection: SiteInspections
 ) -> bool:
-    """Return whether an all-clear of a level and rate states that a source is not there.
+    """Return whether an all-clear states that a source is not there.
 
-    That is so if it emits pulses of at least that level at least at that rate, averaged over the mission and, with a
-    duty cycle, over the random pauses.
+    That is so if, averaged over the time for which the robot was near, it emits pulses of at least the stated level at
+    least at the stated rate. Sources whose pauses are longer than a window are not meant, because they may pause then.
 
     Args:
         truth: The source as drawn.
         config: The source in the scenario.
         time_s: Times of all steps, shape (n_steps,).
-        level_db: Stated level, dB relative to 1 V at 1 m.
-        rate_hz: Stated rate, pulses per second.
+        is_near: True for steps at which the robot was near, shape (n_steps,); if there are none, all count.
+        inspection: The level and rate.
     """
     begin_s, end_s = _activity_s(config)
     start_db, drift_db = 20.0 * np.log10(truth["amplitude_v"]), config.drift_db_per_min * time_s / 60.0
@@ -218,6 +222,6 @@ def _is_excluded(
         if change.pulse_rate_hz is not None:
             true_hz[later] = change.pulse_rate_hz
     on_s, off_s = config.duty_s or (1.0, 0.0)
-    is_strong = (time_s >= begin_s) & (time_s < end_s) & (true_db + drift_db >= level_db - 1e-9)
-    mean_hz = (true_hz * is_strong).mean() * on_s / (on_s + off_s)
-    return bool(mean_hz > 0.0 and mean_hz >= rate_hz - 1e-9)
+    is_strong = (time_s >= begin_s) & (time_s < end_s) & (true_db + drift_db >= inspection.level_db - 1e-9)
+    mean_hz = (true_hz * is_strong)[is_near if is_near.any() else slice(None)].mean() * on_s / (on_s + off_s)
+    return bool(off_s <= WINDOW_S and mean_hz >= inspection.rate_hz - 1e-9)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.which_site import in_words, percent
-from pdpatrol.missions.report.records import FindingRecord, Report
+from pdpatrol.missions.report.records import FindingRecord, Report, SiteInspections
 
 PULSE_CLASSES = {
     "of_findings": "associated with findings and candidates",
@@ -19,6 +19,14 @@ PULSE_CLASSES = {
     "not_credible": "rejected: not a single plane wave, or too weak for a bearing",
 }
 """Description of each field of `PulseCounts` except the total."""
+
+SITE_STATES = {
+    "inspected": "inspected",
+    "finding": "a finding within 2 m",
+    "unexplained": "unexplained pulses from there",
+    "not_inspected": "not inspected",
+}
+"""Description of each state of a site."""
 
 TIME_FRAMES = ("at the next planned inspection", "within three months", "within one month", "within one week")
 """Time frames of actions, by urgency. Assumed."""
@@ -136,6 +144,15 @@ def phase_text(phase: Phase) -> str:
     return PHASES.get(phase.name, str(phase))
 
 
+def inspection_text(inspection: SiteInspections) -> str:
+    """Return how many sites were inspected and what is excluded there, without a full stop."""
+    n_inspected, plural = len(inspection.names("inspected")), "" if inspection.rate_hz == 1.0 else "s"
+    return (
+        f"{n_inspected} of {len(inspection.sites)} sites were inspected: a discharge of {inspection.level_db:.0f} dBV "
+        f"at 1 m and {inspection.rate_hz:g} pulse{plural} per second or more is excluded there"
+    )
+
+
 def summary_text(report: Report) -> str:
     """Summarise findings and inspected sites in a few sentences."""
     n_found, n_missed = len(report.findings), len(report.waypoints.missed)
@@ -152,9 +169,5 @@ def summary_text(report: Report) -> str:
     if report.inspection is None:
         sentences.append("Without a map of the sites, the report cannot state what was not inspected.")
     else:
-        n_inspected, n_sites = len(report.inspection.names("inspected")), len(report.inspection.sites)
-        sentences.append(
-            f"The robot inspected {n_inspected} of {n_sites} sites: a discharge of "
-            f"{report.inspection.level_db:.0f} dBV at 1 m or more would have been detected and located."
-        )
+        sentences.append(f"{inspection_text(report.inspection)}.")
     return " ".join(sentences)

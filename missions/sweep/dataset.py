@@ -67,7 +67,7 @@ class MissionRow(NamedTuple):
         n_wrong_confirmations: Number of those that were shown at a wrong place for more than 2 s.
         wrong_s: Total time for which findings were shown so.
         n_certified: Number of sites that the report lists as inspected; 0 without a map of sites.
-        n_false_all_clear: Number of those with a source of the stated level that was not found.
+        n_false_all_clear: Number of those with a source of the stated level and rate that was not found.
         bearing_rmse_rad: Root mean square error of the bearings in line of sight of exactly one source; null without
             such bearings.
         distance_m: Path length.
@@ -131,7 +131,7 @@ class MissionRow(NamedTuple):
     @classmethod
     def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
         """Make the row of a finished mission."""
-        report = make_report(log, wall_time_s, inspect_sites(log))
+        report = make_report(log, wall_time_s, inspect_sites(log, model_is_trusted=True))
         scores, step = report.scores, log.table("step")
         sources, matches = scores.sources, scores.matches
         confirmed_s = tuple(source.confirmed_s for source in sources if source.confirmed_s is not None)

@@ -58,11 +58,11 @@ def log_of(*places_m: np.ndarray, n_steps: int = 100, **config: object) -> Missi
     return log
 
 
-def scored(log: MissionLog, certified: tuple[str, ...] = (), level_db: float = -20.0) -> Scores:
+def scored(log: MissionLog, certified: tuple[str, ...] = (), level_db: float = -20.0, rate_hz: float = 1.0) -> Scores:
     """Return the scores of a log whose report certifies some sites."""
-    known = {"state": "inspected", "nearest_m": 3.0, "aperture_deg": 90.0, "min_level_db": -30.0}
+    known = {"state": "inspected", "probability": 1.0, "nearest_m": 3.0, "min_level_db": -30.0, "min_rate_hz": 0.1}
     sites = tuple(SiteInspection.model_validate({"name": name, **known}) for name in certified)
-    return make_report(log, 0.0, SiteInspections(range_m=8.0, aperture_deg=45.0, level_db=level_db, sites=sites)).scores
+    return make_report(log, 0.0, SiteInspections(level_db=level_db, rate_hz=rate_hz, sites=sites)).scores
 
 
 def test_distances_and_log_score_are_those_of_the_stated_normal_distribution() -> None:
@@ -148,6 +148,10 @@ def test_all_clear_is_false_if_a_stated_source_was_not_found() -> None:
         SITE,
     )
     assert scored(log_of(SITE_M, changes=({"at_s": 0.0, "pulse_rate_hz": 0.0},)), (SITE,)).false_all_clears == ()
+    assert scored(log_of(SITE_M), (SITE,), rate_hz=21.0).false_all_clears == ()
+    assert scored(log_of(SITE_M, duty_s=(2.0, 2.0)), (SITE,), rate_hz=10.0).false_all_clears == (SITE,)
+    assert scored(log_of(SITE_M, duty_s=(2.0, 2.0)), (SITE,), rate_hz=11.0).false_all_clears == ()
+    assert scored(log_of(SITE_M, duty_s=(60.0, 6.0)), (SITE,)).false_all_clears == ()
     for offset_m, expected in ((0.9, ()), (1.1, (SITE,))):
         log = shown(log_of(SITE_M), (50, "confirmed", SITE_M + np.array([offset_m, 0.0, 0.0])))
         assert scored(log, (SITE, OTHER)).false_all_clears == expected

@@ -12,7 +12,7 @@ from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.page import report_page
 from pdpatrol.missions.report.records import Report
-from pdpatrol.missions.report.wording import ADVICE_LIMITS
+from pdpatrol.missions.report.wording import ADVICE_LIMITS, SITE_STATES
 from pdpatrol.missions.runner import run_mission
 from tests.missions.replay.short_mission import short_mission
 from tests.missions.report.logs import LOGS, add_finding, two_findings
@@ -28,7 +28,7 @@ def mission() -> MissionLog:
 
 
 def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
-    report = make_report(log, 1.0, inspect_sites(log))
+    report = make_report(log, 1.0, inspect_sites(log, model_is_trusted=True))
     return report, PageReader(report_page(log, report))
 
 
@@ -86,15 +86,13 @@ def test_inspection_follows_from_the_path(mission: MissionLog) -> None:
     report, page = report_and_page(mission)
     assert report.inspection is not None
     assert report.inspection.names("not_inspected")  # half a minute is not enough for the yard
-    texts = {"not_inspected": "not inspected", "partly_inspected": "from too few directions"}
     for site in report.inspection.sites:
-        assert site.state == "inspected" or f"{site.name} {texts[site.state]}" in page.text
+        assert site.state == "inspected" or f"{site.name} {SITE_STATES[site.state]}" in page.text
     still = MissionLog(mission.meta)
     still.append("step", **{column: values[0] for column, values in mission.table("step").items()})
-    at_dock = inspect_sites(still)
+    at_dock = inspect_sites(still, model_is_trusted=True)
     assert at_dock is not None
     assert at_dock.names("inspected") == []  # one pose has no aperture
-    assert not set(at_dock.names("partly_inspected")) & set(report.inspection.names("not_inspected"))
 
 
 def test_page_warns_of_false_all_clears(mission: MissionLog) -> None:
