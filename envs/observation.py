@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.bearing.spectrum import pulse_spectrum
 from dirmusic.compiled import compiled, compiled_inner
-from pdpatrol.envs.progress import MAX_BEARING_AGE_S
+from pdpatrol.envs.motion import MAX_BEARING_AGE_S
 from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, HeldRobots
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.robot_models.readings import LIDAR, VELOCITY

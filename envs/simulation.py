@@ -17,9 +17,8 @@ from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
-from pdpatrol.envs.motion import sense_motion, start_motion
+from pdpatrol.envs.motion import advance_progress, sense_motion, start_motion, start_progress
 from pdpatrol.envs.observation import Float32Array, ObservationLayout, observe_robots
-from pdpatrol.envs.progress import advance_progress, start_progress
 from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, HeldRobots, Parameters, RobotStates
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S

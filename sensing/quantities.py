@@ -1,12 +1,12 @@
 """Bounded quantities for configurations, in SI units.
 
 The ranges are wider than those of any real receiver, antenna or yard, and narrow enough to avoid numerical overflow.
-All are assumed; they only serve to reject mistakes. -0.0 becomes 0.
+All are assumed; they only serve to reject mistakes.
 """
 
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import BaseModel, Field
 
 
 class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
@@ -14,9 +14,6 @@ class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=
 
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0
-
-PLAIN_ZERO = AfterValidator(lambda value: value + 0.0)
-"""Validator that converts -0.0 to 0, because random generators reject a standard deviation of -0.0."""
 
 Volt = Annotated[float, Field(ge=1e-9, le=1e3)]
 """Voltage, from far below thermal noise (14 uV at 50 ohms in 1 GHz) to a level that destroys a receiver."""
@@ -39,27 +36,27 @@ FalseAlarmRate = Annotated[float, Field(ge=1e-9, le=1e4)]
 EchoSecond = Annotated[float, Field(ge=1e-9, le=2e-6)]
 """Excess delay of multipath; 2 us correspond to 600 m, twice the diagonal of the largest yard."""
 
-MissionSecond = Annotated[float, Field(ge=0.0, le=86_400.0), PLAIN_ZERO]
+MissionSecond = Annotated[float, Field(ge=0.0, le=86_400.0)]
 """Time within a mission, which lasts at most a day."""
 
-FaultDecibel = Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO]
+FaultDecibel = Annotated[float, Field(ge=-60.0, le=60.0)]
 
-Degree = Annotated[float, Field(ge=-360.0, le=360.0), PLAIN_ZERO]
-Elevation = Annotated[float, Field(ge=-90.0, le=90.0), PLAIN_ZERO]
-AngleError = Annotated[float, Field(ge=0.0, le=90.0), PLAIN_ZERO]
+Degree = Annotated[float, Field(ge=-360.0, le=360.0)]
+Elevation = Annotated[float, Field(ge=-90.0, le=90.0)]
+AngleError = Annotated[float, Field(ge=0.0, le=90.0)]
 """Standard deviation of an angle, degrees; beyond 90 degrees, antennas would point in any direction."""
 
-Share = Annotated[float, Field(ge=0.0, le=1.0), PLAIN_ZERO]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
 """Standard deviation relative to the quantity itself; above 1, a data sheet would be useless."""
 
 ArrayMetre = Annotated[float, Field(ge=0.01, le=2.0)]
 """Dimension of an array that a robot carries; helices do not fit into less than 1 cm."""
 
-ArrayCoordinate = Annotated[float, Field(ge=-2.0, le=2.0), PLAIN_ZERO]
+ArrayCoordinate = Annotated[float, Field(ge=-2.0, le=2.0)]
 MountingHeight = Annotated[float, Field(gt=0.0, le=5.0)]
 """Height of an element above the ground."""
 
-PlacementError = Annotated[float, Field(ge=0.0, le=0.1), PLAIN_ZERO]
+PlacementError = Annotated[float, Field(ge=0.0, le=0.1)]
 """Standard deviation of the position of an element, metres; 10 cm is the radius of a typical array."""
 
 PATH_PATTERN = r"^[^\x00-\x1f\x7f]*$"

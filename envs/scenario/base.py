@@ -13,7 +13,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, Validati
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
 from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
-from pdpatrol.sensing.quantities import PLAIN_ZERO
 
 MissionName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_LETTERS)]
 """Name of a scenario, safe as the name of a folder and on a terminal."""
@@ -21,7 +20,7 @@ MissionName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_
 SiteChoice = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$", max_length=2 * MOST_LETTERS + 1)]
 """`equipment/site`, or `equipment/*` for all sites of a piece of equipment."""
 
-Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
+Number = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 """Error of an array element, or component of a direction."""
 
 STEP_S = 0.1
@@ -51,12 +50,15 @@ class ScenarioError(InputFileError):
 
 
 def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON values have many types
-    """Convert TOML or JSON arrays to tuples, which the strict models require."""
+    """Convert TOML or JSON arrays to tuples, which the strict models require, and -0.0 to 0.
+
+    Random generators reject a standard deviation of -0.0.
+    """
     if isinstance(value, list | tuple):
         return tuple(as_tuples(item) for item in value)
     if isinstance(value, Mapping):
         return {key: as_tuples(item) for key, item in value.items()}
-    return value
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -9,12 +9,12 @@ from pydantic import Field, model_validator
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.robot import CorrelationTime, MetreError, PoseSensorConfig
 from pdpatrol.sensing import TrueArrayConfig, TrueReceiverConfig
-from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Config, Degree
+from pdpatrol.sensing.quantities import AngleError, Config, Degree
 
-Offset = Annotated[float, Field(ge=-10.0, le=10.0), PLAIN_ZERO]
+Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
 """Constant error of a position, metres."""
 
-PerMinute = Annotated[float, Field(ge=0.0, le=600.0), PLAIN_ZERO]
+PerMinute = Annotated[float, Field(ge=0.0, le=600.0)]
 """Mean number of events per minute, at most one per control step."""
 
 
@@ -43,7 +43,7 @@ class TruePoseConfig(Config):
     when a scan is matched to the wrong place and the localisation recovers."""
     jump_std_deg: AngleError = 0.0
     dropouts_per_min: PerMinute = 0.0
-    dropout_s: Annotated[float, Field(ge=0.0, le=86_400.0), PLAIN_ZERO] = 0.0
+    dropout_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = 0.0
     """Duration of each dropout, during which the pose is dead-reckoned by wheels and gyro."""
 
     def applied_to(self, believed: PoseSensorConfig) -> PoseSensorConfig:

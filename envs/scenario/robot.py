@@ -12,11 +12,11 @@ from dirmusic import PoseError
 from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import load_robot
-from pdpatrol.sensing.quantities import PLAIN_ZERO, AngleError, Config, FilePath, Share
+from pdpatrol.sensing.quantities import AngleError, Config, FilePath, Share
 
-MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
+MetreError = Annotated[float, Field(ge=0.0, le=10.0)]
 CorrelationTime = Annotated[float, Field(ge=0.01, le=86_400.0)]
-GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
+GyroError = Annotated[float, Field(ge=0.0, le=3600.0)]
 """Degrees per minute for a bias; degrees per square root of a minute for an angle random walk."""
 
 

@@ -22,7 +22,7 @@ from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, Interf
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
-from pdpatrol.sensing.quantities import PLAIN_ZERO, Config, Degree
+from pdpatrol.sensing.quantities import Config, Degree
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 PLANNED = "planned"
@@ -34,8 +34,8 @@ Waypoints = Annotated[
     | Annotated[Literal["planned"], Tag("[planned]")],
     Discriminator(lambda value: "[planned]" if isinstance(value, str) else "[given]"),
 ]
-Distance = Annotated[float, Field(ge=0.01, le=MOST_YARD_M), PLAIN_ZERO]
-Reward = Annotated[float, Field(ge=-1e6, le=1e6), PLAIN_ZERO]
+Distance = Annotated[float, Field(ge=0.01, le=MOST_YARD_M)]
+Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 MAX_PULSES = 5_000_000
@@ -69,7 +69,7 @@ class RouteConfig(Config):
     """Heading at the start, counter-clockwise from x; by default drawn for each mission."""
     waypoints_m: Waypoints = ()
     """Waypoints in order, or `"planned"` to plan them on the map when the mission starts, as `pdpatrol plan` does."""
-    dwell_s: Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO] = 0.0
+    dwell_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
     """Time for which the robot stands and listens at each waypoint, for discharges of few pulses."""
 
     @property

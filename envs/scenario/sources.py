@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from dirmusic.pulses.phase_resolved import KindName
 from pdpatrol.envs.scenario.base import Day, Number, SiteChoice, weeks_between
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
-from pdpatrol.sensing.quantities import PLAIN_ZERO, Config, Degree, Hertz, MissionSecond, PeakVolt, Volt
+from pdpatrol.sensing.quantities import Config, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
 
 def _check_direction(direction: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -21,20 +21,20 @@ def _check_direction(direction: tuple[float, float, float]) -> tuple[float, floa
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction)]
 """Direction x, y, z in the world frame; its length must not be zero and has no effect."""
 
-FarCoordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0), PLAIN_ZERO]
+FarCoordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
 """Coordinate of an interferer, metres. A pulse loses 80 dB over 10 km compared with 1 m."""
 
-FarHeight = Annotated[float, Field(ge=0.01, le=1000.0), PLAIN_ZERO]
+FarHeight = Annotated[float, Field(ge=0.01, le=1000.0)]
 FarPosition = tuple[FarCoordinate, FarCoordinate, FarHeight]
-PulseRate = Annotated[float, Field(ge=0.0, le=1e4), PLAIN_ZERO]
-RangeDecibel = Annotated[float, Field(ge=0.0, le=60.0), PLAIN_ZERO]
-DriftDecibel = Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO]
+PulseRate = Annotated[float, Field(ge=0.0, le=1e4)]
+RangeDecibel = Annotated[float, Field(ge=0.0, le=60.0)]
+DriftDecibel = Annotated[float, Field(ge=-60.0, le=60.0)]
 """Change of level per minute or per week, at most a factor of 1000."""
 
 DutySecond = Annotated[float, Field(ge=0.1, le=86_400.0)]
 """Mean duration of activity or of a pause, not shorter than a control step."""
 
-RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0), PLAIN_ZERO]
+RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0)]
 """Relative change of the pulse rate per week: from a tenth to ten times as many pulses."""
 
 
@@ -73,7 +73,7 @@ class ChangeConfig(Config):
     """Change of a source at some time of the mission; keys that are absent keep their value."""
 
     at_s: MissionSecond
-    amplitude_db: Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO] | None = None
+    amplitude_db: Annotated[float, Field(ge=-60.0, le=60.0)] | None = None
     """Level from then on, relative to the amplitude at the start."""
     pulse_rate_hz: PulseRate | None = None
     kind: KindName | None = None
@@ -177,7 +177,7 @@ class InterfererConfig(EmitterConfig):
 
     position_m: FarPosition
     amplitude_v: PeakVolt
-    burst_s: Annotated[float, Field(ge=0.0, le=1e-3), PLAIN_ZERO] = 0.0
+    burst_s: Annotated[float, Field(ge=0.0, le=1e-3)] = 0.0
     """Length of each burst of an in-band carrier, as from a switch or a radar; 0 for impulses like those of a
     discharge."""
     path_m: Annotated[tuple[FarPosition, ...], Field(min_length=1, max_length=100)] | None = None

@@ -14,18 +14,14 @@ from pdpatrol.missions.sweep.analysis import COVERAGE, LEVELS, LOW, Difference, 
 
 DIGITS = {
     "bearing RMSE (deg)": 2,
-    "found (%)": 0,
-    "within 0.3 m (%)": 0,
     "median error (m)": 3,
     "95 % below (m)": 3,
     "log score": 2,
-    "right site (%)": 0,
     "site log score": 3,
-    "time to confirm (s)": 0,
     "path length over shortest": 1,
     "OSPA (m)": 2,
 }
-"""Decimals of the estimates in a table; 0 for coverages."""
+"""Decimals of the estimates in a table; 0 for all others."""
 
 COVERED = ("2-D", "3-D", f"2-D{LOW}", f"3-D{LOW}")
 """Lines of the table of coverages."""

@@ -1,4 +1,4 @@
-"""Bounded quantities of a yard: lengths in metres, angles in degrees, and names. -0.0 becomes 0.
+"""Bounded quantities of a yard: lengths in metres, angles in degrees, and names.
 
 All bounds are assumed. They are wider than those of any outdoor substation that a robot patrols; they exclude lengths
 given in millimetres.
@@ -6,7 +6,7 @@ given in millimetres.
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 MOST_YARD_M = 200.0
 """Maximum side length of a yard."""
@@ -21,25 +21,22 @@ MOST_LETTERS = 64
 """Maximum length of a name, in characters."""
 
 
-PLAIN_ZERO = AfterValidator(lambda value: value + 0.0)
-"""Validator that converts -0.0 to 0."""
-
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=MOST_LETTERS)]
 
-YardLength = Annotated[float, Field(ge=1.0, le=MOST_YARD_M), PLAIN_ZERO]
+YardLength = Annotated[float, Field(ge=1.0, le=MOST_YARD_M)]
 """Side length of a yard; a robot does not fit into less than a metre."""
 
-Coordinate = Annotated[float, Field(ge=-MOST_YARD_M, le=MOST_YARD_M), PLAIN_ZERO]
+Coordinate = Annotated[float, Field(ge=-MOST_YARD_M, le=MOST_YARD_M)]
 """Coordinate in a yard, or in the frame of a piece of equipment."""
 
-Length = Annotated[float, Field(ge=0.05, le=MOST_YARD_M), PLAIN_ZERO]
+Length = Annotated[float, Field(ge=0.05, le=MOST_YARD_M)]
 """Length of a piece of equipment. Anything thinner than 5 cm is a wire, which is not modelled and cannot have sites."""
 
-StretchedLength = Annotated[float, Field(ge=0.5, le=MOST_YARD_M), PLAIN_ZERO]
+StretchedLength = Annotated[float, Field(ge=0.5, le=MOST_YARD_M)]
 """Length of a catalogue kind; its parts do not fit into less."""
 
-Height = Annotated[float, Field(ge=0.05, le=50.0), PLAIN_ZERO]
+Height = Annotated[float, Field(ge=0.05, le=50.0)]
 """Height above the ground; anything below 5 cm is not an obstacle, and 400 kV gantries are about 30 m high."""
 
-Yaw = Annotated[float, Field(ge=-360.0, le=360.0), PLAIN_ZERO]
+Yaw = Annotated[float, Field(ge=-360.0, le=360.0)]
 """Yaw angle, degrees, counter-clockwise."""

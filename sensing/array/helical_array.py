@@ -19,7 +19,6 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.array.beam_width import scaled_beam
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 from pdpatrol.sensing.quantities import (
-    PLAIN_ZERO,
     SPEED_OF_LIGHT_MPS,
     AngleError,
     ArrayCoordinate,
@@ -133,7 +132,7 @@ class TrueArrayConfig(Config):
     """True radius of the ring."""
     mount_yaw_deg: Degree = 0.0
     """Rotation of the array about the vertical axis through the centre of the ring, counter-clockwise."""
-    mount_tilt_deg: Annotated[float, Field(ge=-30.0, le=30.0), PLAIN_ZERO] = 0.0
+    mount_tilt_deg: Annotated[float, Field(ge=-30.0, le=30.0)] = 0.0
     """Tilt of the array about its centre, after the yaw: the side towards `mount_tilt_azimuth_deg` is raised, the
     opposite side lowered."""
     mount_tilt_azimuth_deg: Degree = 0.0
@@ -141,8 +140,8 @@ class TrueArrayConfig(Config):
 
     def applied_to(self, config: ArrayConfig) -> ArrayConfig:
         """Return the believed configuration with the true pattern, spread and radius."""
-        keys = ("pattern", "gain_error", "pointing_error_deg", "position_error_m", "gain_offset", "ring_radius_m")
-        return config.model_copy(update={key: getattr(self, key) for key in keys if getattr(self, key) is not None})
+        own = self.model_dump(include=set(ArrayConfig.model_fields), exclude_none=True)
+        return config.model_copy(update=own)
 
     @model_validator(mode="after")
     def _check_pattern_file(self) -> Self:

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.sensing.array.helical_array import MOST_ELEMENTS
-from pdpatrol.sensing.quantities import PLAIN_ZERO, Config, FaultDecibel, MissionSecond, Volt
+from pdpatrol.sensing.quantities import Config, FaultDecibel, MissionSecond, Volt
 from pdpatrol.sensing.receiver.sampling import Channels
 
 KEYS_OF_KIND = {
@@ -19,7 +19,7 @@ KEYS_OF_KIND = {
 }
 """Keys that some kinds of faults need."""
 
-Drift = Annotated[float, Field(ge=-20.0, le=20.0), PLAIN_ZERO]
+Drift = Annotated[float, Field(ge=-20.0, le=20.0)]
 """Drift of a gain, decibels per minute."""
 
 Duration = Annotated[float, Field(ge=0.1, le=86_400.0)]
@@ -79,9 +79,9 @@ class TrueReceiverConfig(Config):
     faults: tuple[ChannelFault, ...] = Field(default=(), max_length=2 * MOST_ELEMENTS)
     temperature_drift_db_per_min: Drift = 0.0
     """Drift of the gain that all channels share, as of amplifiers that warm up. It scales signals and not the noise."""
-    temperature_spread_db_per_min: Annotated[float, Field(ge=0.0, le=20.0), PLAIN_ZERO] = 0.0
+    temperature_spread_db_per_min: Annotated[float, Field(ge=0.0, le=20.0)] = 0.0
     """Standard deviation of the additional drift of each channel, drawn once per mission."""
-    mains_offset_hz: Annotated[float, Field(ge=-5.0, le=5.0), PLAIN_ZERO] = 0.0
+    mains_offset_hz: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
     """True mains frequency minus `receiver.mains_hz`, to which the receiver relates pulses. Phases drift by 360 degrees
     times this per second. Public grids stay within 0.05 Hz most of the time."""
 
