@@ -252,6 +252,9 @@ def sites_with_neighbours(
                     break
 
 
+SLOW_DWELL_S, SLOW_LIMIT_S = 30.0, 1500.0
+"""Time to stand at each stop, and time limit of these missions."""
+
 SLOW_HZ = (0.05, 1.0)
 """Range of pulse rates, evenly spread in their logarithm."""
 
@@ -259,7 +262,7 @@ SLOW_HZ = (0.05, 1.0)
 def slow(part: str, rng: np.random.Generator) -> Iterator[Change]:
     """Make yards with one to three discharges of few pulses, a third of them with pauses, and a route past stops.
 
-    The robot only passes the stops. When `[route]` has a dwell time, add it to `route` here and run this again.
+    The robot dwells at each stop; see `SLOW_DWELL_S`.
     """
     log_rates, numbers = spread(part, rng, np.log(SLOW_HZ[0]), np.log(SLOW_HZ[1]), 18), count()
     for n_sources, level in ((1, ("cluttered", (3, 5, 6))), (2, ("several", (0, 1, 4))), (3, ("several", (2, 3, 6)))):
@@ -269,8 +272,8 @@ def slow(part: str, rng: np.random.Generator) -> Iterator[Change]:
                 source["pulse_rate_hz"] = round(float(np.exp(next(log_rates))), 3)
                 if next(numbers) % 3 == 1:
                     source["duty_s"] = rng.uniform(20.0, 90.0, 2).round().tolist()
-            route = {"waypoints_m": stops_past_all_sites(load_scenario(name)).tolist()}
-            yield name, {"sources": sources, "route": route, "task": {"time_limit_s": 900.0}}
+            route = {"waypoints_m": stops_past_all_sites(load_scenario(name)).tolist(), "dwell_s": SLOW_DWELL_S}
+            yield name, {"sources": sources, "route": route, "task": {"time_limit_s": SLOW_LIMIT_S}}
 
 
 def stops_past_all_sites(scenario: Scenario) -> FloatArray:

@@ -72,6 +72,25 @@ class Passes(NamedTuple):
     duration_s: FloatArray
     pose: FloatArray
 
+    @classmethod
+    def along(cls, path_m: FloatArray, speed_mps: float, stops: IntArray, dwell_s: float) -> Passes:
+        """Return the passes of a robot that drives along a path and stands at stops.
+
+        Args:
+            path_m: Points of the path, shape (n_points, 2), n_points at least 2.
+            speed_mps: Its speed.
+            stops: Indices of the points at which it stands.
+            dwell_s: Time for which it stands at each.
+        """
+        step_m = np.diff(path_m, axis=0)
+        pose = np.column_stack([path_m[:-1], azimuth_of(step_m)])
+        n_parts = int(np.ceil(dwell_s / WINDOW_S))
+        row = np.sort(np.concatenate([np.arange(len(pose)), np.repeat(np.minimum(stops, len(pose) - 1), n_parts)]))
+        is_driving = np.append(row[1:] != row[:-1], True)  # the last of the rows of a stop
+        driving_s = np.linalg.norm(step_m, axis=1)[row] / speed_mps
+        duration_s = np.where(is_driving, driving_s, dwell_s / max(n_parts, 1))
+        return cls(np.cumsum(duration_s) - duration_s, duration_s, pose[row])
+
 
 class Views(NamedTuple):
     """Poses of a path that have one site in sight on the map, in order of time.

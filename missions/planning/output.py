@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from pdpatrol.missions.planning.confirmation_probability import CERTAIN
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan
 from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard
@@ -23,27 +24,28 @@ def sites_table(plan: Plan) -> Table:
     """Return a table that shows how the tour detects each site.
 
     The columns are the height of the site, the highest level over the trigger, aperture and smallest distance along the
-    tour.
+    tour, and the probability that the discharge of `[inspection]` would be confirmed.
     """
     title = (
         f"Sites along the tour of {plan.scenario.name}, lengths in metres: discharges of {plan.amplitude_v:g} V at 1 m"
     )
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("site", overflow="fold")
-    for heading in ("z", "dB", "deg", "nearest"):
+    for heading in ("z", "dB", "deg", "nearest", "confirmed"):
         table.add_column(heading, justify="right")
     sites = plan.detectability
-    for name, position_m, detection in zip(sites.names, sites.positions_m, plan.detections(), strict=True):
+    rows = zip(sites.names, sites.positions_m, plan.detections(), plan.confirmations(plan.dwell_s), strict=True)
+    for name, position_m, detection, confirmed in rows:
         cells = ["-"] * 3
         if detection is not None:
             level_db, aperture_rad, nearest_m = detection
             cells = [f"{level_db:.1f}", f"{np.degrees(aperture_rad):.0f}", f"{nearest_m:.1f}"]
-        table.add_row(name, f"{position_m[2]:.2f}", *cells)
+        table.add_row(name, f"{position_m[2]:.2f}", *cells, f"{100 * confirmed:.0f} %")
     return table
 
 
 def summary(plan: Plan) -> str:
-    """Describe the tour in one or two lines."""
+    """Describe the tour in a few lines."""
     n_sites, limit_s = len(plan.detectability.names), plan.scenario.task.time_limit_s
     parts = [
         f"{n_sites - len(plan.blind)} of {n_sites} sites detectable in sight, {MARGIN_DB:g} dB above the trigger",
@@ -51,7 +53,12 @@ def summary(plan: Plan) -> str:
         f"{plan.tour.length_m:.0f} m",
         f"about {plan.driving_s:.0f} s of driving",
     ]
-    if plan.driving_s > limit_s:
+    stated, n_certain = plan.scenario.inspection, int((plan.confirmations(plan.dwell_s) >= CERTAIN).sum())
+    parts.append(
+        f"with {plan.dwell_s:g} s at each stop, {n_certain} sites at which {stated.level_dbv:g} dBV at 1 m and "
+        f"{stated.rate_hz:g}/s would be confirmed with {100 * CERTAIN:.0f} %"
+    )
+    if plan.driving_s + plan.dwell_s * len(plan.stops_m) > limit_s:
         parts.append(f"more than the time limit of {limit_s:.0f} s")
     return "; ".join(parts)
 
@@ -63,10 +70,12 @@ def as_json(plan: Plan) -> dict[str, Any]:
         "scenario": plan.scenario.name,
         "amplitude_v": plan.amplitude_v,
         "margin_db": MARGIN_DB,
+        "inspection": plan.scenario.inspection.model_dump(),
         "tour": {
             "dock_m": list(plan.scenario.route.dock_m),
             "waypoints_m": plan.stops_m.tolist(),
             "length_m": plan.tour.length_m,
+            "dwell_s": plan.dwell_s,
             "driving_s": plan.driving_s,
             "path_m": plan.path_m.tolist(),
         },
@@ -75,18 +84,21 @@ def as_json(plan: Plan) -> dict[str, Any]:
                 "name": name,
                 "position_m": sites.positions_m[k].tolist(),
                 "needed_aperture_rad": float(plan.required[k, 0]),
+                "confirmed": confirmed,
                 "detection": None if detection is None else detection._asdict(),
             }
-            for k, (name, detection) in enumerate(zip(sites.names, plan.detections(), strict=True))
+            for k, (name, detection, confirmed) in enumerate(
+                zip(sites.names, plan.detections(), plan.confirmations(plan.dwell_s).tolist(), strict=True)
+            )
         ],
         "blind": list(plan.blind),
     }
 
 
 def as_toml(plan: Plan) -> str:
-    """Return the table `[route]` of a scenario file."""
+    """Return the table `[route]` of a scenario file, with the time to dwell."""
     route = plan.scenario.route.model_dump(mode="json", exclude_none=True)
-    return tomlkit.dumps({"route": {**route, "waypoints_m": plan.stops_m.tolist()}})
+    return tomlkit.dumps({"route": {**route, "waypoints_m": plan.stops_m.tolist(), "dwell_s": plan.dwell_s}})
 
 
 def draw_plan(plan: Plan, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Patrol: drive the planned route."""
+"""Patrol: drive the planned route, and dwell at its waypoints."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ class Patrol(ReportingPolicy):
         self.phase = Phase("patrol")
         self._next_stop = 0
         self._drive: PathFollower | None = None
+        self._leaves_s: float | None = None
         self._legs_m: list[float] = []
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
@@ -37,18 +38,27 @@ class Patrol(ReportingPolicy):
             if self._drive is None:
                 self._drive = PathFollower(site_map.reach(pose), goal, time_s, radius)
             self._drive.update_map(site_map, pose)
-            if not self._drive.is_over(pose, time_s):
+            if self._drive.has_arrived(pose) and not is_dock and self._leaves_s is None:
+                self._leaves_s = time_s + site_map.route.dwell_s
+            if self._leaves_s is not None and time_s < self._leaves_s:
+                self.phase = Phase("listen", self._next_stop + 1)
+                return np.zeros(2, dtype=np.float32)
+            if self._leaves_s is None and not self._drive.is_over(pose, time_s):
                 self.phase = Phase("return to dock") if is_dock else Phase("patrol", self._next_stop + 1)
                 return self._drive.action(pose)
-            if not self._drive.has_arrived(pose) and not is_dock:
+            if self._leaves_s is None and not self._drive.has_arrived(pose) and not is_dock:
                 self.unreachable = (*self.unreachable, self._next_stop + 1)
-            self._drive = None
+            self._drive = self._leaves_s = None
             self._next_stop += 1
         return None
 
     def is_homebound(self, site_map: SiteMap) -> bool:
         """Return True when all waypoints are done."""
         return self._next_stop >= len(site_map.route.waypoints_m)
+
+    def dwell_s(self, site_map: SiteMap) -> float:
+        """Return the time for which the robot will still stand at waypoints, at most."""
+        return site_map.route.dwell_s * max(len(site_map.route.stops_m) - self._next_stop, 0)
 
     def remaining_m(self, paths: ShortestPaths, site_map: SiteMap) -> float:
         """Return the length of the path past all remaining stops, from the start of `paths`.
@@ -62,5 +72,5 @@ class Patrol(ReportingPolicy):
         return float(sum(leg_m for leg_m in [first_m, *self._legs_m[self._next_stop :]] if np.isfinite(leg_m)))
 
     def resume(self) -> None:
-        """Plan the path to the next stop again, after a detour."""
-        self._drive = None
+        """Plan the path to the next stop again, after a detour, and dwell there anew."""
+        self._drive = self._leaves_s = None

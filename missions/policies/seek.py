@@ -157,7 +157,7 @@ class Seek(ReportingPolicy):
         if drive is None or is_due or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map):
             paths = site_map.reach(pose)
             mean_speed_mps = 0.6 * site_map.robot.max_speed_mps  # with stops and turns (assumed)
-            route_s = self._patrol.remaining_m(paths, site_map) / mean_speed_mps
+            route_s = self._patrol.dwell_s(site_map) + self._patrol.remaining_m(paths, site_map) / mean_speed_mps
             self._is_late = self._route_first and time_s + route_s > site_map.task.time_limit_s
             goal = None if self._is_late else self.viewpoint(target, np.array(self._views_m), pose, paths)
             if goal is None:

@@ -23,7 +23,7 @@ def around(duration_s: float, radius_m: float = 5.0, arc_rad: float = np.pi, beg
     n = round(2 * duration_s)
     angle = np.linspace(0.0, arc_rad, n)
     pose = np.column_stack([SITE_M[0] + radius_m * np.cos(angle), SITE_M[1] + radius_m * np.sin(angle), angle])
-    return Passes(begin_s + 0.5 * np.arange(n), np.full(n, 0.5), pose)
+    return Passes(0.5 * np.arange(n) + np.float64(begin_s), np.full(n, 0.5), pose)
 
 
 def confirmed(passes: Passes, level_dbv: float = -20.0, rate_hz: float = 1.0, model: ConfirmationModel = FREE) -> float:
@@ -69,7 +69,9 @@ def test_hidden_site_has_no_chance() -> None:
     site_map = SiteMap(walled_in())
     model, site_m = ConfirmationModel(SCENARIO, site_map.sight), site_map.yard.site_position("hidden/door")
     cells_m = site_map.centres_m[np.isfinite(site_map.reach(SCENARIO.route.dock_m).length_m)]
-    everywhere = Passes(0.5 * np.arange(len(cells_m)), np.full(len(cells_m), 0.5), np.insert(cells_m, 2, 0.0, axis=1))
+    everywhere = Passes(
+        np.arange(len(cells_m)) * np.float64(0.5), np.full(len(cells_m), 0.5), np.insert(cells_m, 2, 0.0, axis=1)
+    )
     assert model.chances(model.views(everywhere, site_m), 20.0, 100.0) == (0.0, 0.0)
 
 
@@ -114,7 +116,10 @@ def poisson_share(scenario: Scenario, passes: Passes, level_dbv: float, rate_hz:
                 across = np.array([-np.sin(views.aspect_rad[k]), np.cos(views.aspect_rad[k])])
                 information += np.outer(across, across) / (own.size * (std_rad * views.range_m[k]) ** 2)
         if odds >= confirmation_probability.NEEDED and np.linalg.matrix_rank(information) == 2:
-            is_small = ellipse95(np.linalg.inv(information)).semi_major_m <= rules.confirm_semi_major_m
+            is_small = (
+                ellipse95(np.asarray(np.linalg.inv(information), dtype=np.float64)).semi_major_m
+                <= rules.confirm_semi_major_m
+            )
             n_confirmed += is_small and aperture(views.aspect_rad[pulse]) >= rules.confirm_aperture_rad
     return n_confirmed / n
 
@@ -130,3 +135,14 @@ def test_probability_is_that_of_simulated_pulses(
     simulated = poisson_share(SCENARIO, passes, level_dbv, rate_hz, 300)
     stated = confirmed(passes, level_dbv, rate_hz)
     assert stated == pytest.approx(simulated, abs=0.15)  # four standard deviations of both
+
+
+def test_dwelling_adds_time_at_the_stops_alone() -> None:
+    path_m, stops = np.array([[0.0, 0.0], [0.4, 0.0], [0.8, 0.0], [0.8, 0.8]]), np.array([2])
+    passing, dwelling = (Passes.along(path_m, 0.8, stops, dwell_s) for dwell_s in (0.0, 12.0))
+    assert passing.duration_s == pytest.approx([0.5, 0.5, 1.0])
+    assert dwelling.duration_s.sum() == pytest.approx(2.0 + 12.0)
+    assert dwelling.duration_s.max() <= confirmation_probability.WINDOW_S
+    assert dwelling.time_s == pytest.approx(np.cumsum(dwelling.duration_s) - dwelling.duration_s)
+    assert np.isin(dwelling.pose[:, 0], passing.pose[:, 0]).all()
+    assert (dwelling.pose[dwelling.duration_s > 1.0, :2] == path_m[2]).all()

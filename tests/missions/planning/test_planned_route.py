@@ -1,5 +1,6 @@
 """Missions with `waypoints_m = "planned"`."""
 
+import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario
@@ -42,6 +43,21 @@ def test_invalid_waypoints_are_refused() -> None:
         load_scenario("one_source", {"route.waypoints_m": "by luck"})
     (line,) = raised.value.faults
     assert "route.waypoints_m: must be 'planned', got 'by luck'" in line
+
+
+@pytest.mark.whole
+def test_patrol_dwells_at_each_waypoint() -> None:
+    quiet = {"sources": (), "route.waypoints_m": ((8.0, 3.0), (8.0, 8.0))}
+    times_s = [
+        Mission(load_scenario("one_source", quiet | {"route.dwell_s": dwell_s}), "patrol", 0) for dwell_s in (0.0, 15.0)
+    ]
+    usual, longer = (mission.run() for mission in times_s)
+    assert np.ptp(longer.column("step", "time_s")) - np.ptp(usual.column("step", "time_s")) == pytest.approx(
+        30.0, abs=3.0
+    )
+    is_still = longer.column("step", "phase") == "listen"
+    assert is_still.sum() == pytest.approx(300, abs=4)
+    assert not longer.column("step", "command")[is_still].any()
 
 
 @pytest.mark.slow
