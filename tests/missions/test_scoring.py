@@ -20,7 +20,7 @@ from tests.missions.report.logs import add_finding, empty_log
 SITE, OTHER = "transformer_1/tank_south", "ct_1/head"
 SCENARIO = load_scenario("one_source")
 YARD = SCENARIO.yard
-SITE_M, OTHER_M = YARD.site_position(SITE), YARD.site_position(OTHER)
+SITE_M = YARD.site_position(SITE)
 
 
 def places(*xy_m: tuple[float, float]) -> np.ndarray:

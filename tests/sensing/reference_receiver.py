@@ -16,7 +16,7 @@ from scipy.stats import norm
 from dirmusic.arrays import FloatArray
 
 RATE_HZ, BAND_HZ, NOISE_V, FULL_SCALE_V, BITS = 20e9, (1.4e9, 2.2e9), 1e-3, 0.5, 12
-BEFORE, GATE, LONGEST_ECHO_S = 20, 90, 60e-9
+BEFORE, GATE = 20, 90
 """Default receiver."""
 
 SETTLING = 400

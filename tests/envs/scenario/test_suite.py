@@ -1,4 +1,4 @@
-"""The frozen suite: complete files, and sources that can be found."""
+"""The frozen suite: complete files of one version, and the yards that they make."""
 
 import hashlib
 import tomllib
