@@ -25,13 +25,10 @@ from pdpatrol.missions.sweep.tables import cells, coverage_lines, markdown
 
 DOCS = Path(__file__).parent
 POLICIES = ("seek", "active", "patrol", "random", "oracle")
-RENAMED_KEYS = {"locating.fix": "locating.solver", "receiver.faults": "nature.receiver.faults"}
-"""Keys of the scenario that had other names when the sweeps were stored."""
-
 BASIC = ("found (%)", "median error (m)", "coverage 2-D 95 %", "time to confirm (s)", "false")
 QUESTIONS = {
     "elements": (("array.n_elements",), ("bearing RMSE (deg)", *BASIC)),
-    "methods": (("estimator.method", "locating.solver"), ("bearing RMSE (deg)", *BASIC)),
+    "methods": (("estimator.method",), ("bearing RMSE (deg)", *BASIC)),
     "robots": (("robot.model",), (*BASIC, "path length over shortest", "contacts")),
     "pose": (("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), BASIC),
     "noise": (("receiver.noise_v",), ("bearing RMSE (deg)", *BASIC)),
@@ -42,13 +39,8 @@ QUESTIONS = {
 
 
 def rows_of(name: str) -> Frame:
-    """Read a stored dataset, with the current names of its settings."""
-    rows = Dataset(DOCS / "results" / name).read()
-    settings = [
-        json.dumps({RENAMED_KEYS.get(key, key): value for key, value in json.loads(text).items()}, sort_keys=True)
-        for text in rows["settings"]
-    ]
-    return rows.assign(settings=settings)
+    """Read a stored dataset."""
+    return Dataset(DOCS / "results" / name).read()
 
 
 def settings_table(name: str) -> str:
@@ -62,7 +54,7 @@ def settings_table(name: str) -> str:
 
 
 def worth_table() -> str:
-    """Make a table of the effect of exchanging parts: array, estimator and solver, robot."""
+    """Make a table of the effect of exchanging parts: array, estimator, robot."""
     headings = ("bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
     lines: list[list[str]] = []
     for name in ("elements", "methods", "robots"):

@@ -4,7 +4,7 @@ import numpy as np
 
 from dirmusic.angles import aperture
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.rules import AssignmentRules, LocatingRules
+from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import as_tuples
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.scenario import RouteConfig, Scenario, TaskConfig
@@ -14,7 +14,7 @@ from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipmen
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
 from pdpatrol.sensing.radio.surroundings import level_transform
-from pdpatrol.sensing.radio.transmission import Sight
+from pdpatrol.sensing.radio.transmission import MIN_TRANSMISSION, Sight
 
 SIZE_M = (32.0, 26.0)
 DOCK_M = (2.5, 2.5)
@@ -160,5 +160,5 @@ def _can_be_seen(yard: Yard, sight: Sight, place_m: FloatArray) -> bool:
     ground_m = place_m[:2] + off_m[(range_m >= SEEN_FROM_M[0]) & (range_m <= SEEN_FROM_M[1])]
     ground_m = ground_m[yard.clearance(ground_m) >= TURNING_RADIUS_M]
     share = sight(np.column_stack([ground_m, np.full(len(ground_m), ArrayConfig().height_m)]), place_m)
-    seen_m = ground_m[share >= 10 ** (-AssignmentRules().sight_loss_db / 20)] - place_m[:2]
+    seen_m = ground_m[share >= MIN_TRANSMISSION] - place_m[:2]
     return aperture(np.arctan2(seen_m[:, 1], seen_m[:, 0])) >= LocatingRules().planned_aperture_rad

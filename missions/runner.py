@@ -118,8 +118,7 @@ class Mission:
             locator,
             simulation.array,
             scenario.pose_sensor.pose_error,
-            simulation.estimator,
-            scenario.locating.rules().credibility,
+            scenario.locating.rules().max_std_rad,
         )
         if isinstance(self.policy, Oracle | OwnPolicy):
             self.policy.reveal(info["truth"])
@@ -212,7 +211,7 @@ class Mission:
         for suspect in info["suspects"]:
             self.log.event("channel fault", f"{suspect}: not used from here on", suspect.channel)
         with on("locating"):
-            self._tracker.track(info["time_s"], pose, info["pulses"])
+            self._tracker.track(info["time_s"], pose, info["pulses"], self.registration.frame)
         self._log_events(info)
         if self.folder is not None and self.log.n_rows("step") % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)

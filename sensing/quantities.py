@@ -6,11 +6,13 @@ All are assumed; they only serve to reject mistakes.
 
 from typing import Annotated
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 
-class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+class Config(BaseModel):
     """Base class of all configurations: frozen and strict; rejects unknown keys, infinity and NaN."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0

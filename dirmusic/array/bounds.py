@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dirmusic.angles import difference
-from dirmusic.array.element_errors import PATTERN_APART_RAD, ElementErrors, ElementSpread, ManifoldPrior
+from dirmusic.array.element_errors import ElementErrors, ManifoldPrior
 from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import FloatArray
 
@@ -55,25 +54,6 @@ def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: Ma
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     variance = np.square(_turn_by_gain(gain, slope)) * prior.variance(gain, slope)
     return np.sqrt(variance.sum(axis=0))
-
-
-def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, spread: ElementSpread) -> FloatArray:
-    """Compute the covariance, over several azimuths, of the bearing errors due to errors of the array.
-
-    Args:
-        manifold: Nominal manifold.
-        azimuth_rad: Array-frame azimuths, shape (n,).
-        spread: Standard deviations of the errors of the elements.
-
-    Returns:
-        Covariance to first order, rad^2, shape (n, n). Its diagonal is the square of `manifold_error_std`.
-    """
-    gain, slope = manifold.gain_and_slope(azimuth_rad)
-    turn = _turn_by_gain(gain, slope)
-    by_kind = (spread.gain * turn * gain, spread.pointing_rad * turn * slope, spread.offset * turn)
-    apart_rad = difference(azimuth_rad[:, np.newaxis], azimuth_rad)
-    by_pattern = spread.pattern**2 * (turn.T @ turn) * np.exp(-np.abs(apart_rad) / PATTERN_APART_RAD)
-    return sum((errors.T @ errors for errors in by_kind), by_pattern)
 
 
 def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:

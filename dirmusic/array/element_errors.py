@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
+from scipy.stats import chi2
 
 from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import FloatArray, IntArray
@@ -41,9 +42,6 @@ class ElementErrors:
         )
 
 
-PATTERN_APART_RAD = np.radians(18.0)
-"""Angle over which the correlation of the pattern error falls to 1/e; measured on computed helices."""
-
 OFF_PLANE = 5.0
 """Coefficient of the sine of the elevation in the pattern error, relative to the error in the plane. With an error of
 0.02 in the plane, it matches the difference between the helix computed in its ring and `gain_in_space`: 0.017, 0.03 to
@@ -73,11 +71,10 @@ class ElementSpread:
         gain: Relative gain error.
         pointing_rad: Pointing error.
         offset: Offset of the gain, in units of gain.
-        pattern: Error of the pattern in one direction in the plane, in units of the largest gain; correlated over
-            `PATTERN_APART_RAD`.
+        pattern: Error of the pattern in one direction in the plane, in units of the largest gain.
         unexplained: Relative error of a strength that no model explains: reflections within the gate, edges of the
-            gate, mutual coupling. Outside a laboratory, use `UNEXPLAINED`. The joint solver and `total_std` use this
-            value; the solver assumes that the error has the correlation time of the pose error.
+            gate, mutual coupling. Outside a laboratory, use `UNEXPLAINED`. `total_std` uses this value; the Locator
+            estimates its own.
     """
 
     gain: float = 0.0
@@ -154,10 +151,9 @@ DRIFT = 0.2
 1 % of gain and 0.4 degrees, for reconnected cables, ageing and warming amplifiers, and mounts that have been knocked.
 """
 
-CONTRADICTION = 1.5
-"""Root mean square change of the errors, in prior standard deviations, above which the array is taken to be a different
-one. Measured in 14 pairs of missions in `one_source`: at most 1.3, with a median of 0.7, for the same array, and 2.5 to
-4.6 for a different one. In 11 of the 14 the value exceeded 1.5 before the source was confirmed."""
+CONTRADICTION = 0.995
+"""Probability of the chi-squared distribution beyond which two estimates of the same errors contradict each other. Both
+estimates share the prior of the data sheet, so false alarms are rarer than 0.5 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,14 +204,27 @@ class EstimatedErrors:
         grown = DRIFT**2 * self.of_spread(spread, self.state.size // N_KINDS).covariance
         return type(self)(state=self.state, covariance=self.covariance + grown)
 
-    def contradicts(self, before: EstimatedErrors) -> bool:
-        r"""Test whether this posterior contradicts the prior that it was computed from.
+    def contradicts(self, other: EstimatedErrors) -> bool:
+        r"""Test whether this estimate contradicts another one that was made from other data.
 
-        .. math:: (m - m_0)^T C_0^{-1} (m - m_0) > \mathrm{CONTRADICTION}^2 \, n
+        .. math:: (m - m')^T (C + C')^{-1} (m - m')
 
-        over the n states whose variance is not zero. If the prior is right, the left side is less than n on average.
+        over the n states whose variances are not zero is chi-squared with n degrees of freedom if they agree.
         """
-        free = np.flatnonzero(np.diag(before.covariance) > 0.0)
-        moved = (self.state - before.state)[free]
-        square = moved @ np.linalg.solve(before.covariance[free][:, free], moved)
-        return bool(square > CONTRADICTION**2 * free.size)
+        covariance = self.covariance + other.covariance
+        free = np.flatnonzero(np.diag(covariance) > 1e-9)
+        apart = (self.state - other.state)[free]
+        square = apart @ np.linalg.solve(covariance[np.ix_(free, free)], apart)
+        return bool(square > chi2.ppf(CONTRADICTION, free.size))
+
+
+class Learned(NamedTuple):
+    """Errors of an array, estimated in a mission.
+
+    Attributes:
+        errors: Posterior errors of the elements, which include those known from earlier missions.
+        n_pulses: Number of pulses of this mission that were used.
+    """
+
+    errors: EstimatedErrors
+    n_pulses: int

@@ -243,13 +243,29 @@ def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float
 
 @compiled
 def gain_and_slopes_towards(
-    pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float
-) -> tuple[float, float, float]:
-    """Compute the gain along the unit vector (x, y, z) and its slopes per radian of azimuth and elevation."""
+    pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float, widening: float
+) -> tuple[float, float, float, float]:
+    r"""Compute the gain along the unit vector (x, y, z) and its slopes.
+
+    The pattern may be wider or narrower than tabulated: at the angle :math:`\psi` off boresight, the gain is that of
+    the table at :math:`\psi - w \sin\psi`. Close to the boresight this widens the beam by a factor 1 / (1 - w), and the
+    back keeps its gain.
+
+    Args:
+        pattern: Pattern in the plane.
+        boresight: Boresight of the element.
+        x: Component x of the vector.
+        y: Component y.
+        z: Component z, up.
+        widening: Relative widening w of the beam.
+
+    Returns:
+        The gain, and its slopes per radian of azimuth, per radian of elevation, and per unit of widening.
+    """
     sideways = max(math.hypot(x, y), NEAR_AXIS)
     level, left, ahead, up = frame_of_boresight(boresight, x, y, z)
     sin_psi = math.sqrt(left * left + up * up)
-    psi = math.atan2(sin_psi, ahead)
+    psi = math.atan2(sin_psi, ahead) - widening * sin_psi
     to_left, slope_left = pattern_gain_and_slope(pattern, psi)
     to_right, slope_right = pattern_gain_and_slope(pattern, -psi)
     if sin_psi < NEAR_AXIS:
@@ -261,10 +277,12 @@ def gain_and_slopes_towards(
         ) / sin_psi
         roll_by_azimuth = (level - boresight.cos_elevation * ahead * cos_roll * cos_roll) / sin_psi
         roll_by_elevation = -(z * left / sideways + cos_roll * ahead * psi_by_elevation) / sin_psi
-    by_psi = 0.5 * ((1.0 + cos_roll) * slope_left - (1.0 - cos_roll) * slope_right)
+    by_table = 0.5 * ((1.0 + cos_roll) * slope_left - (1.0 - cos_roll) * slope_right)
+    by_psi = by_table * (1.0 - widening * ahead)
     by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll
     return (
         0.5 * ((1.0 + cos_roll) * to_left + (1.0 - cos_roll) * to_right),
         by_psi * boresight.cos_elevation * cos_roll + by_roll * roll_by_azimuth,
         by_psi * psi_by_elevation + by_roll * roll_by_elevation,
+        -by_table * sin_psi,
     )

@@ -24,7 +24,7 @@ by at most 2 %, less than the errors of the elements. A wave from nearly overhea
 
 MISFIT_FACTOR, MISFIT_FLOOR = 3.0, 0.05**2
 """Largest misfit of a pulse that a direction explains, as a multiple of that expected from noise, array errors and this
-floor, which stands for nearby sources and multipath. Assumed, as in `CredibilityRules`. With an error of gain of 5 %
+floor, which stands for nearby sources and multipath. Assumed. With an error of gain of 5 %
 the limit is 0.02 without noise: a ring of six searches waves from above about 40 degrees."""
 
 LEAST_CHANNELS = 4
@@ -42,35 +42,12 @@ def gains_in_space(manifold: GainManifold) -> FloatArray:
     return _response(manifold).gain
 
 
-def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
-    """Compute the share of energy that a plane wave from each of `ELEVATIONS_RAD` leaves unexplained.
-
-    The gains of the elements of a level ring differ less for waves from above, so such waves do not fit the model at
-    zero elevation. The azimuth of a pulse is rounded to the nearest search azimuth, at most one degree off, which
-    leaves 4e-4 of the energy unexplained.
-
-    Args:
-        pulses: Pulses with their directions.
-        manifold: Manifold of the array.
-
-    Returns:
-        Shape (n_elevations, n_pulses); 1 for pulses whose strengths are all zero.
-    """
-    nearest = nearest_search_azimuth(pulses.azimuth_rad)
-    gain = gains_in_space(manifold)[:, nearest] * pulses.is_usable
-    strengths_v = pulses.strengths_v * pulses.is_usable
-    explained = np.square(np.einsum("epc,pc->ep", gain, strengths_v)) / np.einsum("epc,epc->ep", gain, gain)
-    energy = np.maximum(np.einsum("pc,pc->p", strengths_v, strengths_v), np.finfo(np.float64).tiny)
-    return 1.0 - explained / energy
-
-
 @lru_cache(maxsize=64)
 def errors_by_elevation(manifold: GainManifold) -> FloatArray:
-    """Tabulate the best-fitting in-plane azimuth minus the true azimuth, shape (n_elevations, n_azimuths + 1)."""
+    """Tabulate the best-fitting in-plane azimuth minus the true azimuth, shape (n_elevations, n_azimuths)."""
     in_plane = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
     best_rad = 2 * np.pi / TABLE_SIZE * (gains_in_space(manifold) @ in_plane.T).argmax(axis=-1)
-    error_rad = difference(best_rad, SEARCH_AZIMUTHS_RAD)
-    return np.column_stack([error_rad, error_rad[:, 0]])
+    return difference(best_rad, SEARCH_AZIMUTHS_RAD)
 
 
 class SpaceTable(NamedTuple):

@@ -1,335 +1,216 @@
-"""Association of each pulse with one finding, or with the reason why it belongs to no finding."""
+r"""Association of pulses with sources: the E step of expectation maximisation.
+
+A group of pulses came from source k on its direct path, from source k on another path, or from none. With the density
+:math:`d_k` of its strengths, the normal density of its level, and the probability :math:`v_k` that the direct path is
+the strongest one,
+
+.. math:: r_k \propto \pi_k v_k \, d_k \, N(L; L_k, \sigma_k), \quad
+          m_k \propto \pi_k (1 - v_k) \, d_0 / M, \quad r_0 \propto \pi_0 \, d_0 / R
+
+where :math:`\pi` are the shares of the sources in the window of the group, :math:`d_0` is the density of strengths of
+any ratio, on the positive part of the unit sphere, R is a range of levels, and M the range of levels below that of the
+direct path. Interference and simultaneous waves belong to no source.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit, gammaln, logsumexp
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.finding import Finding
-from dirmusic.locating.gating import JudgedPulses, judge_pulses
-from dirmusic.locating.pulse_record import PulseRecord, Rows
-from dirmusic.locating.rules import AssignmentRules
+from dirmusic.locating.measurement import Noise, NominalArray, PooledPulses, compare
+from dirmusic.locating.pulse_pool import Groups
 
-SAME_M, SAME_DB, SAME_RAD = 0.05, 0.5, np.radians(0.2)
-"""Changes of a finding's position, level and bearings up to which its pulses are not compared with it again. Assumed:
-less than the errors of poses, the margins of the rules and the standard deviations of bearings."""
+LEVEL_RANGE_DB, MULTIPATH_RANGE_DB = 50.0, 30.0
+"""Range over which the levels of pulses of no source, and of multipath below the direct path, are uniformly distributed
+(assumed)."""
 
-LIKELIHOOD_RATIO = 3.0
-"""Likelihood ratio of a bearing above which another finding takes a pulse. Assumed: a higher ratio leaves more pulses
-unassociated, a lower one gives more of them to the wrong finding."""
+LEVEL_ERROR_DB = 2.0
+"""Standard deviation of a mean level due to reflections and to equipment on the path (assumed)."""
 
-MULTIPATH_WINDOW_S = 5.0
-"""Length of the windows in which pulses are counted. Assumed: long enough for significant counts, short enough that the
-robot does not drive far."""
+MAP_ERROR_SHARE = 0.5
+"""Standard deviation of the attenuation by equipment on the map, as a share of its decibels (assumed)."""
 
-MULTIPATH_SECTOR_RAD = np.radians(30.0)
-"""Width of the sectors in which the multipath of a window is counted (assumed)."""
+EQUAL_LOSS_DB, LOSS_SCALE_DB = 6.0, 1.5
+"""Attenuation at which the direct path is the strongest one in half of the cases, and scale of the logistic function of
+that probability (assumed): 0.98 in free sight, 0.02 behind two insulators or metal."""
 
-RATE_QUANTILE = 0.9
-"""Quantile of the number of pulses per window that is taken as the rate of a source, over the windows in which it was
-detected. Assumed: in most windows, distance or an obstacle hides some of its pulses."""
+LEAST_TRANSMISSION = 10 ** (-20.0 / 20.0)
+"""Least transmission that levels are corrected for (assumed): beyond it, other paths are stronger."""
 
-EXCESS_SIGMAS = 3.0
-"""Number of Poisson standard deviations above the expected number of multipath pulses that is too many (assumed)."""
-
-N_PHASE_BINS = 24
-"""Bins of a mains period (assumed): 15 degrees, half the width of most clusters of
-`dirmusic.pulses.phase_resolved`."""
-
-MIN_PHASE_RATIO = 0.1
-"""Ratio of the rate in a phase bin to the mean rate below which a finding does not discharge in that bin. Assumed: at
-least 200 pulses are needed to exclude a bin, 9 per bin on average, so a finding that discharges at all phases leaves no
-bin this empty."""
+LEAST_SHARE, EXTRA_NONE = 1e-3, 0.3
+"""Number of pulses that every source is given in each window, so that none is excluded, and number added to those of no
+source (assumed)."""
 
 
-class Unassociated(IntEnum):
-    """Reason why a pulse belongs to no finding; negative, unlike positions and ids of findings."""
-
-    UNASSIGNED = -1
-    """The pulse points to no finding."""
-    AMBIGUOUS = -2
-    """The pulse points to several findings."""
-    BIASED = -3
-    """The pulse has the level of a finding in sight but points past it: a reflection in its gate biased the bearing."""
-    DIFFRACTED = -4
-    """The pulse points to a finding but is too weak for the range: it was diffracted at an edge."""
-    ECHO = -5
-    """The pulse is multipath: it came, reflected or diffracted, while a finding was obstructed on the map, and was no
-    stronger than that finding."""
-
-
-class Assignment(NamedTuple):
-    """The finding that each pulse belongs to; every array has shape (n,), or (n_findings, n) where it says so.
+class Comparison(NamedTuple):
+    """Comparison of groups of pulses with one source; every array has shape (n,).
 
     Attributes:
-        finding: Position of the finding in the sequence of findings, or a code of `Unassociated`.
-        in_sight: True if the finding nearest to the pulse's bearing was in sight from the place of detection.
-        level_db: Level 1 m from each finding that the pulses of this time and direction imply, dB relative to 1 V,
-            shape (n_findings, n).
-        may_be: True where direction and level are consistent with the finding, shape (n_findings, n).
-        is_too_weak: True where the pulse points to a finding that is in sight on the map but is too weak for that
-            finding's level: either the pulse was diffracted, or the level is wrong; shape (n_findings, n).
-        is_echo: True if the pulse may be multipath of a finding other than its own.
+        log_density: Log density of the strengths.
+        level_db: Level 1 m from the source, corrected for the attenuation on the map, dB relative to 1 V.
+        level_error_db: Standard deviation of this level.
+        bearing_std_rad: Standard deviation of the bearing.
+        bearing_offset: Offset of the bearing in standard deviations.
+        direct: Probability that the direct path is the strongest one, if the pulse came from the source.
+        range_m: Distance.
     """
 
-    finding: IntArray
-    in_sight: BoolArray
+    log_density: FloatArray
     level_db: FloatArray
-    may_be: BoolArray
-    is_too_weak: BoolArray
-    is_echo: BoolArray
+    level_error_db: FloatArray
+    bearing_std_rad: FloatArray
+    bearing_offset: FloatArray
+    direct: FloatArray
+    range_m: FloatArray
+
+    def first(self, n: int) -> Comparison:
+        """Return the comparison of the first n groups."""
+        return Comparison(*(column[:n] for column in self))
+
+    def followed_by(self, later: Comparison) -> Comparison:
+        """Append that of later groups."""
+        return Comparison(*(np.concatenate(pair) for pair in zip(self, later, strict=True)))
 
 
-class Judgement(NamedTuple):
-    """Comparison of all pulses with one finding, kept while the finding and the known array errors hardly change.
+NO_COMPARISON = Comparison(*(np.empty(0) for _ in Comparison._fields))
+
+
+class Level(NamedTuple):
+    """Level of a source 1 m away, dB relative to 1 V, and standard deviation of the levels of its pulses, dB."""
+
+    mean_db: float
+    spread_db: float
+
+
+class Association(NamedTuple):
+    """Probable origin of each group.
 
     Attributes:
-        finding: The finding at the time of the comparison.
-        error_rad: Table of known bearing errors at that time.
-        n_settled: Number of leading pulses whose comparison is final.
-        pulses: The comparison of all pulses.
+        direct: Probability that the group came from each source on the direct path, shape (n_sources, n).
+        multipath: Probability that it came from each source on another path, shape (n_sources, n).
+        share: Prior share of each source, and of none at the end, shape (n_sources + 1, n).
     """
 
-    finding: Finding
-    error_rad: FloatArray
-    n_settled: int
-    pulses: JudgedPulses
+    direct: FloatArray
+    multipath: FloatArray
+    share: FloatArray
 
-    def holds_for(self, finding: Finding, error_rad: FloatArray) -> bool:
-        """Return whether the comparison is still valid for the current finding and table of bearing errors."""
-        then = self.finding
-        return (
-            then.state == finding.state
-            and bool(np.linalg.norm(then.position_m - finding.position_m) <= SAME_M)
-            and abs(then.semi_major_m - finding.semi_major_m) <= SAME_M
-            and abs(then.height_std_m - finding.height_std_m) <= SAME_M
-            and np.isfinite(then.level_db) == np.isfinite(finding.level_db)
-            and not abs(then.level_db - finding.level_db) > SAME_DB
-            and float(np.abs(self.error_rad - error_rad).max()) <= SAME_RAD
-        )
+    @property
+    def of_any(self) -> FloatArray:
+        """Probability that the group came from any of the sources, shape (n,)."""
+        return self.direct.sum(axis=0) + self.multipath.sum(axis=0)
 
 
-class Assigner:
-    """Assigns the pulses of a record to findings.
+def pooled(groups: Groups) -> PooledPulses:
+    """Return the columns of groups that compiled functions use."""
+    return PooledPulses(groups.pose, groups.strengths, groups.variance, groups.is_usable)
 
-    Comparisons are kept: new pulses are compared with every finding, earlier pulses only with findings that changed.
+
+def direct_probability(transmission: FloatArray) -> FloatArray:
+    """Return the probability that the direct path is the strongest one, by its transmission, same shape."""
+    loss_db = -20.0 * np.log10(np.maximum(transmission, 1e-3))
+    return expit((EQUAL_LOSS_DB - loss_db) / LOSS_SCALE_DB)
+
+
+def compare_groups(
+    groups: Groups,
+    position_m: FloatArray,
+    array_state: FloatArray,
+    uncertainty: FloatArray,
+    array: NominalArray,
+    noise: Noise,
+    transmission: FloatArray,
+) -> Comparison:
+    """Compare groups with a source.
 
     Args:
-        record: The pulses.
-        rules: Conditions under which a pulse belongs to a finding.
+        groups: The groups.
+        position_m: Position of the source, shape (3,).
+        array_state: States of the array.
+        uncertainty: Covariance of the position and these states.
+        array: The array as in its data sheet.
+        noise: Standard deviations of errors that are not states.
+        transmission: Transmission of the direct path at likely heights of the source, shape (n_heights, n); the second
+            row is for the estimated height.
     """
-
-    def __init__(self, record: PulseRecord, rules: AssignmentRules) -> None:
-        self._record = record
-        self._rules = rules
-        self._judged: dict[int, Judgement] = {}
-        self._assigned = self._combined(())
-
-    def assign(self, findings: Sequence[Finding], error_rad: FloatArray) -> Assignment:
-        """Assign all pulses so far.
-
-        Args:
-            findings: Current findings.
-            error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
-        """
-        has_changed = [finding.id for finding in findings] != list(self._judged)
-        has_changed |= self._assigned.finding.size != self._record.n_pulses
-        judged: dict[int, Judgement] = {}
-        for finding in findings:
-            known = self._judged.get(finding.id)
-            if known is None or not known.holds_for(finding, error_rad):
-                has_changed = True
-                pulses = judge_pulses(self._record, slice(0, None), finding, error_rad, self._rules)
-                known = Judgement(finding, error_rad, self._record.n_settled, pulses)
-            elif known.pulses.level_db.size != self._record.n_pulses:
-                rows = slice(known.n_settled, None)
-                latest = judge_pulses(self._record, rows, known.finding, known.error_rad, self._rules)
-                pulses = known.pulses.continued(known.n_settled, latest)
-                known = known._replace(n_settled=self._record.n_settled, pulses=pulses)
-            judged[finding.id] = known
-        self._judged = judged
-        if has_changed:
-            self._assigned = self._combined(findings)
-        return self._assigned
-
-    def _combined(self, findings: Sequence[Finding]) -> Assignment:
-        """Combine the comparisons with all findings into one assignment.
-
-        The order of the steps matters. First, a pulse that is in the gate of exactly one finding belongs to it. Then
-        pulses that may be multipath of a confirmed finding are taken out, biased ones first. If there are more of them
-        than there are missing direct pulses of confirmed findings, another source must be among them, and they keep the
-        finding that their direction gives.
-        """
-        n = self._record.n_pulses
-        if not findings or n == 0:
-            return Assignment(
-                finding=np.full(n, Unassociated.UNASSIGNED, dtype=np.intp),
-                in_sight=np.ones(n, dtype=np.bool_),
-                level_db=np.full((len(findings), n), np.nan),
-                may_be=np.empty((len(findings), n), dtype=np.bool_),
-                is_too_weak=np.empty((len(findings), n), dtype=np.bool_),
-                is_echo=np.zeros(n, dtype=np.bool_),
-            )
-        confirmed = np.array([finding.state == "confirmed" for finding in findings])
-        judged = JudgedPulses.stacked([judgement.pulses for judgement in self._judged.values()])
-        judged = self._judged_by_phase(judged, confirmed)
-        judged = self._judged_by_likelihood(judged, confirmed)
-        nearest, each = judged.offset_sigmas.argmin(axis=0), np.arange(n)
-        in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
-        n_gates = in_gate.sum(axis=0)
-        in_sight = judged.is_direct[nearest, each]
-        is_confirmed = confirmed[nearest]
-        one_gate = np.where(n_gates == 1, nearest, Unassociated.UNASSIGNED)
-        in_one_gate = np.where(n_gates > 1, Unassociated.AMBIGUOUS, one_gate)
-
-        is_of_another = ~is_confirmed & (judged.is_biased.sum(axis=0) > judged.is_biased[nearest, each])
-        is_biased = judged.is_biased.any(axis=0) & ((n_gates == 0) | ((n_gates == 1) & is_of_another))
-        without_biased = np.where(is_biased, Unassociated.BIASED, in_one_gate)
-        is_biased &= ~self._outnumber_multipath(is_biased, without_biased, confirmed)
-        by_direction = np.where(is_biased, Unassociated.BIASED, in_one_gate)
-
-        is_ghost = judged.is_ghost.any(axis=0) & ~(is_confirmed & in_sight & (n_gates > 0))
-        by_path = np.where(judged.is_diffracted.any(axis=0), Unassociated.DIFFRACTED, Unassociated.ECHO)
-        without_ghosts = np.where(is_ghost, by_path, by_direction)
-        is_of_others = judged.is_ghost.sum(axis=0) > judged.is_ghost[nearest, each]
-        is_source = self._outnumber_multipath(is_of_others | (is_ghost & is_confirmed), without_ghosts, confirmed)
-        is_source &= ~judged.is_ghost[~confirmed].any(axis=0)
-        return Assignment(
-            finding=np.where(is_source, by_direction, without_ghosts),
-            in_sight=in_sight,
-            level_db=judged.level_db,
-            may_be=in_gate & judged.is_direct,
-            is_too_weak=judged.is_diffracted & judged.is_direct,
-            is_echo=is_of_others & ~is_source,
-        )
-
-    def _judged_by_likelihood(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
-        """Take pulses out of the gate of a finding if another finding makes their bearing much likelier.
-
-        The gate of a poorly located candidate contains every direction, which would make the pulses of all other
-        findings ambiguous. Confirmed findings are compared only with confirmed findings, and candidates only with
-        candidates: a confirmed finding is located best, and would take all pulses of a new source next to it.
-
-        Args:
-            judged: Pulses judged by direction, level and phase.
-            confirmed: True for confirmed findings, shape (n_findings,).
-        """
-        in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
-        offset_sigmas, log_likelihood = judged.offset_sigmas.copy(), np.where(in_gate, judged.log_likelihood, -np.inf)
-        for among in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
-            if among.size > 1:
-                least = log_likelihood[among].max(axis=0) - np.log(LIKELIHOOD_RATIO)
-                offset_sigmas[among] = np.where(log_likelihood[among] < least, np.inf, offset_sigmas[among])
-        return judged._replace(offset_sigmas=offset_sigmas)
-
-    def _judged_by_phase(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
-        """Rule out findings that do not discharge at the mains phase of a pulse.
-
-        If several findings lie in one direction, those that do not discharge at the phase of a pulse are not its
-        source. Nor is a pulse multipath of a confirmed finding that does not discharge at its phase. If a pulse points
-        to one finding only, that finding keeps it at any phase: some kinds of discharge are weaker in one half cycle,
-        and the pulses of that half cycle are detected at short range only.
-
-        Args:
-            judged: Pulses judged by direction and level.
-            confirmed: True for confirmed findings, shape (n_findings,).
-        """
-        in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
-        n_gates, is_ghost = in_gate.sum(axis=0), judged.is_ghost.any(axis=0)
-        if not (is_ghost | (n_gates > 1)).any():
-            return judged
-        is_sure = (n_gates == 1) & ~is_ghost
-        surely = np.where(is_sure, in_gate.argmax(axis=0), Unassociated.UNASSIGNED)
-        may_be = may_share_phase(self._record.pulses.mains_phase_rad, surely, confirmed.size)
-        leaves_one = (in_gate & may_be).any(axis=0)
-        return judged._replace(
-            offset_sigmas=np.where(in_gate & ~may_be & leaves_one, np.inf, judged.offset_sigmas),
-            is_ghost=judged.is_ghost & (may_be | ~confirmed[:, np.newaxis] | judged.is_diffracted),
-        )
-
-    def _outnumber_multipath(self, is_suspect: BoolArray, finding: Rows, confirmed: BoolArray) -> BoolArray:
-        """Return which suspected multipath pulses are too many to come from confirmed findings, shape (n,)."""
-        number = np.append(np.where(confirmed, np.cumsum(confirmed) - 1, -1), -1)  # among the confirmed ones
-        return too_many_for_multipath(
-            self._record.elapsed_s,
-            self._record.pulses.azimuth_rad + self._record.pose[:, 2],
-            is_suspect & ~self._record.is_from_above,
-            number[np.maximum(finding, -1)],
-            int(confirmed.sum()),
-        )
+    n = groups.time_s.size
+    result = np.empty((n, 4))
+    compare(
+        np.arange(n), position_m, array_state, uncertainty, pooled(groups), array, noise, groups.azimuth_rad, result
+    )
+    loss_db = -20.0 * np.log10(np.maximum(transmission, LEAST_TRANSMISSION))
+    return Comparison(
+        log_density=result[:, 0],
+        level_db=20.0 * np.log10(np.maximum(result[:, 1], 1e-12)) + groups.level_db + loss_db[len(loss_db) // 3],
+        level_error_db=np.sqrt(
+            LEVEL_ERROR_DB**2
+            + np.square(MAP_ERROR_SHARE * loss_db[len(loss_db) // 3])
+            + np.square(0.5 * np.ptp(loss_db, axis=0))
+        ),
+        bearing_std_rad=result[:, 2],
+        bearing_offset=result[:, 3],
+        direct=direct_probability(transmission).mean(axis=0),
+        range_m=np.maximum(np.linalg.norm(groups.pose[:, :2] - position_m[:2], axis=-1), 0.3),
+    )
 
 
-def too_many_for_multipath(
-    time_s: FloatArray, bearing_rad: FloatArray, is_suspect: BoolArray, source: IntArray, n_sources: int
-) -> BoolArray:
-    r"""Return which pulses came from one direction in greater number than the multipath of known sources can explain.
+def log_flat_density(n_channels: FloatArray) -> FloatArray:
+    """Return the log density of strengths of any ratio: 1 over the area of the positive part of the unit sphere."""
+    return n_channels * np.log(2.0) - np.log(2.0) - 0.5 * n_channels * np.log(np.pi) + gammaln(0.5 * n_channels)
 
-    Each discharge is detected once, either on its direct path or as multipath. If :math:`\lambda_k` pulses of source k
-    are expected in a window and :math:`n_k` of them came on the direct path, all sources together leave at most
-    :math:`b = \sum_k \max(\lambda_k - n_k, 0)` multipath pulses. If a sector has :math:`n > b + 3 \sqrt{b + 1}`
-    suspected multipath pulses, another source is among them.
 
-    The number of multipath pulses has a Poisson distribution with a mean of at most b. The 1 keeps its tail below 0.4 %
-    for small b. With :math:`\sqrt{b}` instead, a single stray pulse would count as another source at b = 0, and so
-    would one window in 100 at b = 0.1.
+def level_std(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
+    """Return the standard deviation of the mean levels of groups of the source, dB, shape (n,)."""
+    return np.sqrt(np.square(compared.level_error_db) + level.spread_db**2 / n_pulses)
+
+
+def associate(
+    groups: Groups, compared: list[Comparison], levels: list[Level], is_located: BoolArray, share: FloatArray
+) -> Association:
+    """Compute the probable origin of each group.
 
     Args:
-        time_s: Time of each pulse, shape (n,).
-        bearing_rad: Bearing of each pulse, world frame, shape (n,).
-        is_suspect: True if a pulse may be multipath of one of these sources, shape (n,).
-        source: Source of each direct pulse, in [0, n_sources); any negative number for other pulses; shape (n,).
-        n_sources: Number of sources.
+        groups: The groups.
+        compared: Comparison with each source.
+        levels: Level of each source.
+        is_located: True for sources whose multipath is considered, shape (n_sources,).
+        share: Prior share of each source, and of none at the end, shape (n_sources + 1, n).
+    """
+    flat = log_flat_density(groups.is_usable.sum(axis=-1).astype(np.float64))
+    direct, multipath = list[FloatArray](), list[FloatArray]()
+    for of_source, level, located in zip(compared, levels, is_located.tolist(), strict=True):
+        std_db = level_std(of_source, level, groups.n_pulses)
+        off = (of_source.level_db - level.mean_db) / std_db
+        of_level = -0.5 * np.square(off) - np.log(np.sqrt(2.0 * np.pi) * std_db)
+        limit_db = level.mean_db + level.spread_db - 20.0 * np.log10(of_source.range_m)
+        direct.append(of_source.log_density + of_level + np.log(of_source.direct))
+        is_weaker = located & (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)
+        with np.errstate(divide="ignore"):
+            multipath.append(flat + np.log(is_weaker * (1.0 - of_source.direct) / MULTIPATH_RANGE_DB))
+    none = flat - np.log(LEVEL_RANGE_DB)
+    log_share = np.log(share)
+    each = np.array([*direct, *multipath, none]) + np.concatenate([log_share[:-1], log_share[:-1], log_share[-1:]])
+    probability = np.exp(each - logsumexp(each, axis=0))
+    n = len(compared)
+    return Association(probability[:n], probability[n : 2 * n], share)
+
+
+def window_shares(probability: FloatArray, n_pulses: FloatArray, window: IntArray) -> FloatArray:
+    """Estimate the share of each source, and of none, in the pulses of each window.
+
+    Args:
+        probability: Probability that each group came from each source, shape (n_sources, n).
+        n_pulses: Number of pulses of each group, shape (n,).
+        window: Number of the window of each group, from 0 on, shape (n,).
 
     Returns:
-        Shape (n,); False for pulses that are not suspects.
+        Share at each group, shape (n_sources + 1, n).
     """
-    if n_sources == 0 or not is_suspect.any():
-        return np.zeros(time_s.size, dtype=np.bool_)
-    window = np.unique(time_s // MULTIPATH_WINDOW_S, return_inverse=True)[1]  # empty windows do not count
-    n_windows, n_sectors = int(window.max()) + 1, round(2 * np.pi / MULTIPATH_SECTOR_RAD)
-    rows = np.flatnonzero(is_suspect)
-    cell = window[rows] * n_sectors
-    cell += (np.mod(bearing_rad[rows], 2 * np.pi) // MULTIPATH_SECTOR_RAD).astype(np.intp) % n_sectors
-    n_alike = np.bincount(cell)[cell]
-    too_many = np.zeros(time_s.size, dtype=np.bool_)
-    if n_alike.max() <= EXCESS_SIGMAS:  # too few for any b
-        return too_many
-    has_source = source >= 0
-    direct = np.bincount(source[has_source] * n_windows + window[has_source], minlength=n_sources * n_windows)
-    direct = direct.reshape(n_sources, n_windows)
-    rising, n_empty = np.sort(direct, axis=1), (direct == 0).sum(axis=1)
-    at = n_empty + (RATE_QUANTILE * (n_windows - 1 - n_empty)).astype(np.intp)
-    expected = np.where(n_empty < n_windows, rising[np.arange(n_sources), np.minimum(at, n_windows - 1)], np.inf)
-    most = np.maximum(expected[:, np.newaxis] - direct, 0.0).sum(axis=0)
-    too_many[rows] = n_alike > (most + EXCESS_SIGMAS * np.sqrt(most + 1.0))[window[rows]]
-    return too_many
-
-
-def may_share_phase(phase_rad: FloatArray, source: IntArray, n_findings: int) -> BoolArray:
-    r"""Return whether each pulse may have come from each finding, given the mains phases of the finding's sure pulses.
-
-    If :math:`c_b` of the n sure pulses of a finding are in bin b, smoothed over the adjacent bins, pulses of that phase
-    are excluded if :math:`c_b + 1 < 0.1 (n / 24 + 1)`. The 1 is assumed: it allows for stray pulses, and a small number
-    of pulses excludes nothing.
-
-    Args:
-        phase_rad: Phase of the mains at each pulse, in [0, 2 pi), shape (n,); NaN where it was not recorded. Pulses
-            without a phase are never excluded.
-        source: Finding that each pulse surely came from, in [0, n_findings); any negative number if unsure; shape (n,).
-        n_findings: Number of findings.
-
-    Returns:
-        Shape (n_findings, n).
-    """
-    is_known = np.isfinite(phase_rad)
-    slot = (np.where(is_known, phase_rad, 0.0) * (N_PHASE_BINS / (2 * np.pi))).astype(np.intp) % N_PHASE_BINS
-    sure = is_known & (source >= 0)
-    counts = np.bincount(source[sure] * N_PHASE_BINS + slot[sure], minlength=n_findings * N_PHASE_BINS)
-    counts = counts.reshape(n_findings, N_PHASE_BINS).astype(np.float64)
-    smooth = 0.5 * counts + 0.25 * (np.roll(counts, 1, axis=1) + np.roll(counts, -1, axis=1))
-    ratio = (smooth + 1.0) / (counts.mean(axis=1, keepdims=True) + 1.0)
-    return (ratio >= MIN_PHASE_RATIO)[:, slot] | ~is_known
+    none = np.maximum(1.0 - probability.sum(axis=0), 0.0)
+    count = np.array([np.bincount(window, own * n_pulses) for own in (*probability, none)])
+    count = np.maximum(count, LEAST_SHARE)
+    count[-1] += EXTRA_NONE
+    return (count / count.sum(axis=0))[:, window]

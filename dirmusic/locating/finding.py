@@ -10,7 +10,7 @@ import numpy as np
 
 from dirmusic.arrays import FloatArray
 
-State = Literal["candidate", "confirmed", "outside", "ghost"]
+State = Literal["candidate", "confirmed", "outside"]
 
 CHI2_95 = float(-2.0 * np.log(0.05))
 """95 % quantile of chi-square with two degrees of freedom, whose distribution function is 1 - exp(-x / 2)."""
@@ -78,29 +78,29 @@ class Finding:
     Attributes:
         id: Number of the finding, at least 1, which it keeps throughout the mission.
         state: `candidate` until the rules confirm it; `confirmed`; `outside` if its 95 % ellipse lies outside the
-            fence; `ghost` if it is a multipath ghost, that is, nothing is detected from it although the robot was near
-            it and in sight of it.
+            fence.
         position_m: Position, world frame, shape (3,).
-        covariance_m2: Covariance of the position, shape (3, 3), including the error that the array adds to all
-            bearings.
+        covariance_m2: Covariance of the position, shape (3, 3), including the errors of the array.
+        existence: Probability that a source exists there, in [0, 1].
         n_bearings: Number of its pulses; with a map, only those that were detected in sight of it.
         first_detected_s: Time of its first pulse.
         last_detected_s: Time of its latest pulse, whether in sight of it or not.
         confirmed_s: Time when it was first confirmed, or None.
         aperture_rad: Horizontal angle over which its lines of sight spread, seen from the finding.
         nearest_m: Smallest horizontal distance from which it was detected.
-        level_db: Strength that its stronger pulses would have at 1 m, dB relative to 1 V; NaN until it has been
-            detected in sight.
+        level_db: Median level of its pulses 1 m from it, dB relative to 1 V, corrected for attenuation on the map; NaN
+            until it has been detected in sight.
 
     Raises:
-        ValueError: If the id is below 1, if position or covariance are not finite or have the wrong shape, or if the
-            covariance is not positive definite.
+        ValueError: If the id is below 1, if position or covariance are not finite or have the wrong shape, if the
+            covariance is not positive definite, or if `existence` is not a probability.
     """
 
     id: int
     state: State
     position_m: FloatArray
     covariance_m2: FloatArray
+    existence: float
     n_bearings: int
     first_detected_s: float
     last_detected_s: float
@@ -110,7 +110,7 @@ class Finding:
     level_db: float
 
     def __post_init__(self) -> None:
-        """Reject ids below 1, which would mean "no finding", and invalid positions and covariances."""
+        """Reject ids below 1, which would mean "no finding", and invalid positions, covariances and probabilities."""
         if self.id < 1:
             raise ValueError(f"finding: `id` must be at least 1, got {self.id}")
         for name, shape in (("position_m", (3,)), ("covariance_m2", (3, 3))):
@@ -121,6 +121,8 @@ class Finding:
             raise ValueError(
                 f"finding {self.id}: `covariance_m2` must be positive definite, got {self.covariance_m2!r}"
             )
+        if not 0.0 <= self.existence <= 1.0:
+            raise ValueError(f"finding {self.id}: `existence` must be a probability, got {self.existence}")
 
     def __eq__(self, other: object) -> bool:
         """Compare all values; NaN equals NaN."""
@@ -137,7 +139,7 @@ class Finding:
             self.last_detected_s,
             np.nan if self.confirmed_s is None else self.confirmed_s,
         )
-        others = (*times_s, self.aperture_rad, self.nearest_m, self.level_db)
+        others = (*times_s, self.existence, self.aperture_rad, self.nearest_m, self.level_db)
         numbers = np.concatenate([self.position_m, np.ravel(self.covariance_m2), others], dtype=np.float64)
         return self.id, self.state, self.n_bearings, numbers.tobytes()
 

@@ -1,250 +1,441 @@
-"""Joint estimation of the positions of several sources and of the errors of the array that detected them.
+"""Joint estimation of the positions of several sources and of the array that detected them.
 
 An array that differs from its data sheet turns bearings by degrees, by the same angle for all pulses from one azimuth.
 Averaging does not help, and a covariance that assumes independent errors is wrong. But the robot turns and drives, so
-the same source is seen at other azimuths, and its position can be separated from the element errors.
+the same source is seen at other azimuths, and its position can be separated from the errors of the array.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 from scipy.optimize import OptimizeResult, minimize
+from scipy.special import expit
 
-from dirmusic.angles import difference
-from dirmusic.array.element_errors import PATTERN_APART_RAD, EstimatedErrors, off_by_pattern
+from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import as_boresights
-from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.joint_kernels import (
+from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.locating.measurement import (
+    GROUND,
+    N_COMMON,
+    N_HARMONICS,
+    N_KINDS,
+    N_PLACE,
+    N_TERMS,
+    TILT_X,
+    TILT_Y,
     CostExpansion,
-    FitData,
+    Noise,
     NominalArray,
-    Priors,
-    deviation_spread,
-    deviation_upside_down,
-    evaluate,
+    PooledPulses,
+    expand,
 )
-from dirmusic.locating.plane_wave import ELEVATIONS_RAD, gains_in_space
 from dirmusic.locating.protocol import PoseError
-from dirmusic.pulses.batch import PulseBatch
 
 POSITION_PRIOR_M = 60.0
 """Prior standard deviation of a source about the mean of the positions from which it was detected (assumed). It keeps
 the covariance finite if all bearings lie on one line."""
 
 HEIGHT_PRIOR_M = (1.5, 1.2)
-"""Prior mean and standard deviation of a source's height above the ground (assumed): from cable boxes to bushings."""
+"""Prior mean and standard deviation of the height of a source above the ground, metres (assumed): from cable boxes to
+bushings."""
 
-ROBUST_SCALE = 3.0
-"""Residual in standard deviations beyond which the loss is linear (soft L1)."""
+LEVEL_PRIOR_DB = (-5.0, 6.0)
+"""Prior mean and standard deviation of the level of a discharge at 1 m, dB relative to 1 V (assumed). While all lines
+of sight are nearly parallel, it limits the range."""
+
+LEAST_HEIGHT_M, AMBIGUOUS_M = 0.2, 2.0
+"""Least height from which sources are sought on the other side of the plane of the array, and the height above which
+they are not (assumed)."""
+
+WIDENING_PRIOR = 0.15
+"""Prior standard deviation of the relative widening of the beam (assumed): that of helices which differ by half a turn
+or 15 % in frequency (Kraus, Antennas, 1988, section 7-9: the beam width falls with the root of the axial length)."""
+
+TILT_PRIOR_RAD = np.radians(1.0)
+"""Prior standard deviation of the tilt of the array about each axis (assumed): wheels, tyres and uneven ground."""
+
+YAW_PRIOR_RAD = np.radians(1.0)
+"""Prior standard deviation of the common yaw of the mount, which adds to the pointing error of each element (assumed):
+a bracket 0.3 m wide that is 5 mm off."""
+
+GROUND_PRIOR = (1.0, 0.3)
+"""Prior mean and standard deviation of the state `measurement.GROUND` (assumed): gravel, dry to wet."""
+
+PATTERN_DECAY = 1.5
+"""Exponent of the decay of the prior of the pattern error with the harmonic, as for a gain with a smooth slope.
+Assumed; between 1 and 1.5, errors of positions with computed helices change by less than a fifth."""
+
+PATTERN_OFF_PLANE = np.array([1.0, 1.0, 3.0])
+"""Prior of the pattern error in the plane, times the sine of the elevation, and times its square, relative to that in
+the plane. Measured on computed helices."""
+
+ROBUST_SCALE = 6.0
+"""Norm of a residual, in standard deviations, beyond which the loss is linear (assumed)."""
+
+LEAST_UNEXPLAINED, MOST_UNEXPLAINED, LEAST_PATTERN = 0.01, 1.0, 0.003
+"""Limits of the estimated standard deviations of unexplained errors and of the pattern error (assumed)."""
+
+UNEXPLAINED_STEPS = 2.0 ** np.array([-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0])
+UNEXPLAINED_PRIOR = (0.04, 1.0)
+RELAXATION = 1.5
+"""Exponent of the correction of unexplained errors, which are only a part of the variance (assumed): below 2 it
+converges, and with 1 it takes twice as many rounds."""
+
+LEAST_FREEDOM = 0.2
+"""Least share of the data that is taken to remain for the estimate of unexplained errors (assumed)."""
 
 MAX_STEPS, MAX_IDLE_STEPS, MIN_GAIN = 30, 3, 1e-6
 """Limits that end a fit: number of steps, number of consecutive rejected steps, and relative decrease of the cost per
 step."""
 
-UNEXPLAINED_PATTERN_SHARE = 0.25
-"""Fraction of the pattern error that the states of the pattern do not explain and that is treated as noise. Measured on
-computed helices: a sixth to a quarter, up to 45 degrees of elevation."""
+
+DB = 20.0 / np.log(10.0)
+"""Decibels per natural logarithm of an amplitude."""
+
+
+class ErrorLevels(NamedTuple):
+    """Standard deviations of errors that are estimated from the data (empirical Bayes).
+
+    Attributes:
+        unexplained: Relative error of a strength that no state explains.
+        pattern: Error of the pattern in the plane, relative to the largest gain.
+    """
+
+    unexplained: float
+    pattern: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointEstimate:
-    """Joint estimate of the source positions and the array errors.
+    """Joint estimate of sources and array.
 
     Attributes:
         positions_m: Positions, world frame, shape (n_sources, 3).
-        covariances_m2: Covariances of the positions, shape (n_sources, 3, 3), including the uncertainty of the array
-            errors.
-        errors: Errors of the elements; their covariance includes the uncertainty of the positions.
+        covariances_m2: Covariances of the positions, shape (n_sources, 3, 3), including the uncertainty of the array.
+        errors: Errors of the elements, with the yaw of the mount in their pointing; their covariance includes the
+            uncertainty of the positions.
+        state: All states: the positions, then the states of the array, see `measurement.predict`; shape (n_states,).
+        covariance: Covariance of all states, shape (n_states, n_states).
+        levels: Estimated error levels.
+        misfit: Mean normalised square of a residual per degree of freedom that the fit leaves.
     """
 
     positions_m: FloatArray
     covariances_m2: FloatArray
     errors: EstimatedErrors
+    state: FloatArray
+    covariance: FloatArray
+    levels: ErrorLevels
+    misfit: float
 
 
-def locate_jointly(
-    pulses: PulseBatch,
-    pose: FloatArray,
-    source: IntArray,
-    start_m: FloatArray,
-    array: ArrayModel,
-    pose_error: PoseError,
-) -> JointEstimate:
-    r"""Compute the maximum a posteriori estimate of source positions and element errors.
-
-    The element errors are gain errors e, pointing errors d and offsets o. A pulse of unknown amplitude :math:`\alpha`
-    from a source at p, seen by element i at distance :math:`r_i` and array azimuth :math:`\theta_i`, has the strength
-    :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse.
-    Offsets are part of the state if the array's spread includes them. The other errors are treated as noise:
-
-    - Pose errors turn all elements alike and persist for seconds. They add variance along the direction in which the
-      strengths change with azimuth, multiplied by the number of pulses that share the error.
-    - Errors that no model explains persist for the same time, and add variance in every direction.
-    - The pattern error is part of the state, see `joint_kernels`. Its unexplained remainder adds variance, multiplied
-      by the number of pulses from one direction of the array.
-
-    Args:
-        pulses: Detected pulses, n rows; their scale does not matter, and channels that are not usable have no weight.
-        pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
-        source: Index of the source of each pulse, shape (n,), in [0, n_sources).
-        start_m: Starting point of the fit, shape (n_sources, 3). Every source must have at least one pulse.
-        array: The array's data sheet and spread. If its errors are known, their mean and covariance replace the spread.
-        pose_error: Standard deviations and correlation time of the pose error.
-
-    Returns:
-        The estimate. Heights have a prior, and can be determined only at short range, where a source above or below the
-        plane of the array makes the ranges and gains of the elements more alike. A level array cannot distinguish above
-        from below: the likelier height is returned, and its variance includes the other one.
-    """
-    n_sources = start_m.shape[0]
-    problem = JointProblem(pulses, pose, source, start_m, array, pose_error)
-    state, hessian = problem.solve(problem.start)
-    is_below = state[2 : 3 * n_sources : 3] < array.height_m
-    if is_below.any():
-        cost = problem.cost(state)
-        other, other_hessian = problem.solve(problem.mirrored(state, is_below))
-        if problem.cost(other) < cost:
-            state, hessian = other, other_hessian
-    n_places, covariance = 3 * n_sources, inverse(hessian)
-    of_array = slice(n_places, state.size - problem.n_terms)
-    return JointEstimate(
-        positions_m=state[:n_places].reshape(-1, 3),
-        covariances_m2=problem.place_covariances(state, covariance),
-        errors=EstimatedErrors.of_states(state[of_array], covariance[of_array, of_array], array.manifold.n_elements),
-    )
+Cost = Callable[[FloatArray], CostExpansion]
 
 
-class JointProblem:
-    """Optimisation problem of `locate_jointly`, with errors scaled by their spread.
-
-    `locate_jointly` describes the arguments.
+class Optimum(NamedTuple):
+    """Minimum of a cost.
 
     Attributes:
-        start: Initial state of the fit, shape (n_states,).
-        n_places: Number of states that are coordinates of sources.
-        n_terms: Number of states that describe the pattern error.
+        state: State with the least cost, shape (n_states,).
+        expansion: Cost and derivatives there.
+        covariance: Inverse of the Hessian, shape (n_states, n_states).
+        n_fitted: Effective number of states that the data determine (MacKay 1992, eq. (2.24)).
+        cost: The cost.
+    """
+
+    state: FloatArray
+    expansion: CostExpansion
+    covariance: FloatArray
+    n_fitted: float
+    cost: Cost
+
+
+class JointFit:
+    r"""Maximum a posteriori fit of source positions and of the array; see `measurement` for the model.
+
+    The states and their priors are the positions (`POSITION_PRIOR_M`, `HEIGHT_PRIOR_M`), widening, tilt and yaw of the
+    mount, the ground reflection, the errors of the elements (spread of the data sheet, or the errors known from earlier
+    missions) and the error of the pattern. The levels of unexplained errors and of the pattern error are estimated:
+    after each fit they are set to the values that explain its residuals and the size of its pattern states,
+
+    .. math:: \sigma^2 \leftarrow \sigma^2 \frac{\sum_k w_k \chi_k^2}{\sum_k w_k \nu_k - \gamma}, \quad
+              \tau^2 \leftarrow \frac{\sum_m c_m^2 / s_m^2}{\sum_m 1 - P_{mm} / (\tau s_m)^2}
+
+    which are the variance of unit weight of geodesy, with the effective number :math:`\gamma` of fitted states, and
+    the step of the evidence approximation (MacKay, Bayesian interpolation, Neural Computation 4, 1992, section 4). The
+    first is overrelaxed, see `RELAXATION`.
+
+    Args:
+        pulses: Pooled pulses; their scale does not matter.
+        level_db: Level of each pulse at the array, dB relative to 1 V, shape (n,).
+        time_s: Time of each pulse, shape (n,).
+        source: Index of the source of each pulse, shape (n,), in [0, n_sources); every source has a pulse.
+        probability: Probability that the pulse came from this source, shape (n,).
+        array: The array's data sheet and spread, and its errors if they are known.
+        pose_error: Standard deviations and correlation time of the pose error.
     """
 
     def __init__(
         self,
-        pulses: PulseBatch,
-        pose: FloatArray,
+        pulses: PooledPulses,
+        level_db: FloatArray,
+        time_s: FloatArray,
         source: IntArray,
-        start_m: FloatArray,
+        probability: FloatArray,
         array: ArrayModel,
         pose_error: PoseError,
     ) -> None:
-        manifold, n_sources = array.manifold, start_m.shape[0]
-        n_kinds = 3 if array.spread.offset > 0 else 2
-        n_errors = n_kinds * manifold.n_elements
-        known = array.errors or EstimatedErrors.of_spread(array.spread, manifold.n_elements)
-        errors, covariance = known.state[:n_errors], known.covariance[:n_errors]
-        of_elements = np.maximum(np.sqrt(np.diag(covariance)), 1e-6)  # errors without a spread are states, too
-        of_pattern = deviation_spread(array)
-        of_places = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources)
-        detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
-        priors = Priors(
-            mean=np.concatenate([with_height(detected_from_m).ravel(), errors, np.zeros(of_pattern.size)]),
-            spread=np.concatenate([of_places, of_elements, of_pattern]),
-            decorrelation=_decorrelation(covariance[:, :n_errors], of_elements, 3 * n_sources, of_pattern.size),
-            position_m=pose_error.position_m,
-            heading_rad=pose_error.heading_rad,
-            robust_scale=ROBUST_SCALE,
-        )
-        nominal = NominalArray(
-            array.positions_m,
-            as_boresights(manifold.boresights_rad, manifold.boresight_elevations_rad),
-            manifold.gain_factors,
-            manifold.gain_offsets,
-            manifold.pattern_table,
-        )
-        data = _fit_data(pulses, pose, source, start_m, array, pose_error)
-        self.start: FloatArray = np.concatenate([start_m.ravel(), errors, np.zeros(of_pattern.size)])
-        self.n_places, self.n_terms = 3 * n_sources, of_pattern.size
-        self._array_height_m = array.height_m
-        self._scale = np.concatenate([np.ones(self.n_places), priors.spread[self.n_places :]])
-        self._arguments = n_kinds, self.n_terms, data, nominal, priors
-        self._known_x: FloatArray = np.empty(0)
-        self._known: CostExpansion
+        self._pulses, self._source, self._probability = pulses, source, probability
+        self._level_db = level_db
+        self._array, self._nominal, self._pose_error = array, nominal_array(array), pose_error
+        lag = np.abs(time_s[:, np.newaxis] - time_s) / max(pose_error.correlation_s, 1e-9)
+        self._repeats = np.maximum((np.exp(-lag) * (source[:, np.newaxis] == source)) @ probability, 1.0)
+        detected_from_m = [pulses.pose[source == k, :2].mean(axis=0) for k in range(int(source.max()) + 1)]
+        self._places_m = with_height(detected_from_m).ravel()
 
-    def solve(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the best state, shape (n_states,), and the Hessian there, shape (n_states, n_states)."""
-        last_cost, n_idle = np.inf, 0
+    def solve(
+        self, start_m: FloatArray, array_state: FloatArray | None, levels: ErrorLevels, rounds: int
+    ) -> JointEstimate:
+        """Fit all states.
+
+        Args:
+            start_m: Starting points of the positions, world frame, shape (n_sources, 3).
+            array_state: Starting point of the states of the array; None for their prior mean.
+            levels: Starting values of the error levels.
+            rounds: Number of times that the error levels are estimated and the states fitted again.
+
+        Returns:
+            The estimate. A level array hardly distinguishes above from below: the likelier height is returned, and its
+            variance includes the other one.
+        """
+        if array_state is None:
+            array_state = array_prior(self._array, levels).mean
+        optimum = self._minimise(np.concatenate([start_m.ravel(), array_state]), levels)
+        heights = slice(2, self._places_m.size, N_PLACE)
+        if (optimum.state[heights] < AMBIGUOUS_M).any():
+            both = optimum, self._minimise(self._mirrored(optimum.state), levels)
+            optimum = min(both, key=lambda found: ((found.state[heights] < 0.0).any(), found.expansion.cost))
+        for _ in range(rounds):
+            levels = self._estimate_levels(optimum, levels)
+            optimum = self._minimise(optimum.state, levels)
+        n, of_elements = self._places_m.size, slice(self._places_m.size + N_COMMON, -N_TERMS)
+        return JointEstimate(
+            positions_m=optimum.state[:n].reshape(-1, N_PLACE),
+            covariances_m2=self._place_covariances(optimum),
+            errors=EstimatedErrors(
+                state=optimum.state[of_elements], covariance=optimum.covariance[of_elements, of_elements]
+            ),
+            state=optimum.state,
+            covariance=optimum.covariance,
+            levels=levels,
+            misfit=self._misfit(optimum),
+        )
+
+    def _misfit(self, optimum: Optimum) -> float:
+        """Return the variance of unit weight, in which residuals beyond `ROBUST_SCALE` count less.
+
+        The expected value of the loss for a chi-squared residual is accurate to 1 %.
+        """
+        expansion, freedom = optimum.expansion, self._pulses.is_usable.sum(axis=-1) - 1.0
+        chi2 = expansion.misfit / np.sqrt(1.0 + expansion.misfit / ROBUST_SCALE**2)
+        expected = expansion.weight @ (freedom / np.sqrt(1.0 + (freedom + 2.0) / ROBUST_SCALE**2))
+        return float(expansion.weight @ chi2 / max(expected - optimum.n_fitted, LEAST_FREEDOM * expected))
+
+    def _estimate_levels(self, optimum: Optimum, levels: ErrorLevels) -> ErrorLevels:
+        """Estimate the error levels from the residuals and the pattern error of a fit with other levels."""
+        unexplained = self._estimate_unexplained(optimum, levels)
+        of_pattern = pattern_scale(self._array)
+        variance = np.diag(optimum.covariance)[-N_TERMS:]
+        n_fitted = N_TERMS - np.sum(variance / np.square(levels.pattern * of_pattern))
+        pattern = np.sqrt(np.square(optimum.state[-N_TERMS:] / of_pattern).sum() / max(n_fitted, 1.0))
+        return ErrorLevels(
+            float(np.clip(unexplained, LEAST_UNEXPLAINED, MOST_UNEXPLAINED)), max(float(pattern), LEAST_PATTERN)
+        )
+
+    def _estimate_unexplained(self, optimum: Optimum, levels: ErrorLevels) -> float:
+        weight, freedom = optimum.expansion.weight, self._pulses.is_usable.sum(axis=-1) - 1.0
+        left = max(1.0 - optimum.n_fitted / (weight @ freedom), LEAST_FREEDOM)
+        best = np.inf, levels.unexplained
+        for step in UNEXPLAINED_STEPS:
+            trial = float(np.clip(levels.unexplained * step, LEAST_UNEXPLAINED, MOST_UNEXPLAINED))
+            noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, trial)
+            there = expand(
+                optimum.state,
+                self._source,
+                self._probability,
+                self._repeats,
+                self._pulses,
+                self._nominal,
+                noise,
+                ROBUST_SCALE,
+            )
+            loss = ROBUST_SCALE**2 * (np.sqrt(1.0 + there.misfit / ROBUST_SCALE**2) - 1.0)
+            cost = (
+                weight @ (loss + 0.5 * left * there.log_det)
+                + 0.5 * (np.log(trial / UNEXPLAINED_PRIOR[0]) / UNEXPLAINED_PRIOR[1]) ** 2
+            )
+            best = min(best, (float(cost), trial))
+        return best[1]
+
+    def _cost(self, levels: ErrorLevels) -> tuple[Cost, StatePrior]:
+        """Return the negative log posterior density up to a constant, and the prior of all states.
+
+        The last result is kept, because the optimiser requests its parts one by one.
+        """
+        of_array = array_prior(self._array, levels)
+        place_std_m = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], self._places_m.size // N_PLACE)
+        prior = StatePrior(
+            np.concatenate([self._places_m, of_array.mean]),
+            block_diag(np.diag(place_std_m**-2.0), of_array.information),
+            np.concatenate([place_std_m, of_array.spread]),
+        )
+        noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, levels.unexplained)
+        data = self._source, self._probability, self._repeats, self._pulses, self._nominal, noise, ROBUST_SCALE
+
+        @lru_cache(maxsize=1)
+        def cost(state_bytes: bytes) -> CostExpansion:
+            state = np.frombuffer(state_bytes).copy()  # writable, as the compiled function expects
+            expansion, off = self._with_level_prior(state, expand(state, *data)), state - prior.mean
+            return expansion._replace(
+                cost=expansion.cost + 0.5 * off @ prior.information @ off,
+                gradient=expansion.gradient + prior.information @ off,
+                hessian=expansion.hessian + prior.information,
+            )
+
+        return lambda state: cost(state.tobytes()), prior
+
+    def _with_level_prior(self, state: FloatArray, expansion: CostExpansion) -> CostExpansion:
+        """Add the prior of the mean level of each source to the cost; its derivatives are those of the range."""
+        cost, gradient, hessian = expansion.cost, expansion.gradient, expansion.hessian
+        sight_m = state[: self._places_m.size].reshape(-1, N_PLACE)[self._source, :2] - self._pulses.pose[:, :2]
+        range2_m2 = np.maximum(np.square(sight_m).sum(axis=-1), 0.1)
+        for k in range(self._places_m.size // N_PLACE):
+            own, at = self._source == k, slice(N_PLACE * k, N_PLACE * k + 2)
+            share = self._probability[own] / self._probability[own].sum()
+            level_db = share @ (self._level_db[own] + 10.0 * np.log10(range2_m2[own]))
+            off, slope = (
+                (level_db - LEVEL_PRIOR_DB[0]) / LEVEL_PRIOR_DB[1],
+                DB * (share / range2_m2[own]) @ sight_m[own],
+            )
+            slope /= LEVEL_PRIOR_DB[1]
+            cost += 0.5 * off**2
+            gradient[at] += off * slope
+            hessian[at, at] += np.multiply.outer(slope, slope)
+        return expansion._replace(cost=cost)
+
+    def _minimise(self, start: FloatArray, levels: ErrorLevels) -> Optimum:
+        """Find the most probable state."""
+        cost, prior = self._cost(levels)
+        scale, last_cost, n_idle = np.minimum(prior.spread, 1.0), np.inf, 0
 
         def stop(intermediate_result: OptimizeResult) -> None:
             """End the iteration if a step gains too little, or several steps in a row were rejected."""
             nonlocal last_cost, n_idle
-            cost = float(intermediate_result.fun)
-            if cost == last_cost:
-                n_idle += 1
-            elif last_cost - cost < MIN_GAIN * cost:
+            now = float(intermediate_result.fun)
+            n_idle = n_idle + 1 if now == last_cost else 0
+            if n_idle >= MAX_IDLE_STEPS or 0.0 < last_cost - now < MIN_GAIN * abs(now):
                 raise StopIteration
-            else:
-                n_idle = 0
-            if n_idle >= MAX_IDLE_STEPS:
-                raise StopIteration
-            last_cost = cost
+            last_cost = now
 
         found = minimize(
-            lambda x: self._at(x).cost,
-            start / self._scale,
+            lambda x: cost(scale * x).cost,
+            start / scale,
             method="trust-exact",
-            jac=lambda x: self._scale * self._at(x).gradient,
-            hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x).hessian,
+            jac=lambda x: scale * cost(scale * x).gradient,
+            hess=lambda x: np.multiply.outer(scale, scale) * cost(scale * x).hessian,
             callback=stop,
             options={"maxiter": MAX_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
         )
-        best = np.asarray(found.x, dtype=np.float64)
-        return best * self._scale, self._at(best).hessian
+        state = scale * np.asarray(found.x, dtype=np.float64)
+        covariance = np.linalg.inv(cost(state).hessian).astype(np.float64)
+        n_fitted = state.size - float((covariance * prior.information).sum())
+        return Optimum(state, cost(state), covariance, n_fitted, cost)
 
-    def cost(self, state: FloatArray) -> float:
-        """Return the negative log posterior density of a state, shape (n_states,), up to a constant."""
-        return self._at(state / self._scale).cost
-
-    def hessian(self, state: FloatArray) -> FloatArray:
-        """Return the Hessian at a state, shape (n_states, n_states)."""
-        return self._at(state / self._scale).hessian
-
-    def _at(self, x: FloatArray) -> CostExpansion:
-        """Evaluate a scaled state; the result is cached, because the optimiser requests its parts one by one."""
-        if not np.array_equal(self._known_x, x):
-            self._known_x, self._known = x.copy(), evaluate(self._scale * x, *self._arguments)
-        return self._known
-
-    def mirrored(self, state: FloatArray, chosen: BoolArray) -> FloatArray:
-        """Mirror some sources of a state in the plane of the array; if all are mirrored, so is the pattern error."""
-        mirrored, rows = state.copy(), 3 * np.flatnonzero(chosen) + 2
-        mirrored[rows] = 2.0 * self._array_height_m - mirrored[rows]
-        if chosen.all():
-            of_pattern = slice(state.size - self.n_terms, None)
-            mirrored[of_pattern] = deviation_upside_down(mirrored[of_pattern])
+    def _mirrored(self, state: FloatArray) -> FloatArray:
+        """Mirror low sources in the plane of the array, with the tilt and the pattern error."""
+        mirrored, n = state.copy(), self._places_m.size
+        height_m = mirrored[2:n:N_PLACE]
+        other_m = np.maximum(2.0 * self._array.height_m - height_m, LEAST_HEIGHT_M)
+        height_m[:] = np.where(height_m < AMBIGUOUS_M, other_m, height_m)
+        mirrored[n + TILT_X : n + TILT_Y + 1] *= -1.0
+        mirrored[-N_TERMS:].reshape(3, -1)[1] *= -1.0
         return mirrored
 
-    def place_covariances(self, state: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return the covariance of each position, including the uncertainty about the side of the array's plane.
+    def _other_side(self, optimum: Optimum, k: int) -> tuple[FloatArray, float]:
+        """Return a state with a source on the other side of the array's plane, and its probability.
 
-        Args:
-            state: The solution, shape (n_states,).
-            covariance: Covariance of all states, shape (n_states, n_states).
-
-        Returns:
-            Covariances, shape (n_sources, 3, 3).
+        The optimum there is approximated by one Newton step from the mirrored height.
         """
-        n_sources, covariance = self.n_places // 3, covariance.copy()
-        cost = self.cost(state)
-        for k in range(n_sources):
-            mirrored = self.mirrored(state, np.eye(n_sources, dtype=np.bool_)[k])
-            if mirrored[3 * k + 2] > 0.0:
-                share = 1.0 / (1.0 + np.exp(min(self.cost(mirrored) - cost, 50.0)))  # larger differences are negligible
-                variance_m2 = share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
-                covariance[3 * k + 2, 3 * k + 2] += variance_m2
-        block: IntArray = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
-        return covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]]
+        other = optimum.state.copy()
+        other[N_PLACE * k + 2] = max(2.0 * self._array.height_m - other[N_PLACE * k + 2], LEAST_HEIGHT_M)
+        there = optimum.cost(other)
+        other = other - np.linalg.solve(there.hessian, there.gradient)
+        return other, float(expit(optimum.expansion.cost - optimum.cost(other).cost))
+
+    def _place_covariances(self, optimum: Optimum) -> FloatArray:
+        """Return the covariance of each position, including the uncertainty about the side of the array's plane."""
+        result = np.empty((self._places_m.size // N_PLACE, N_PLACE, N_PLACE))
+        for k, covariance in enumerate(result):
+            own, (other, share) = slice(N_PLACE * k, N_PLACE * (k + 1)), self._other_side(optimum, k)
+            off_m = (other - optimum.state)[own]
+            covariance[:] = optimum.covariance[own, own] + min(share, 0.5) * np.outer(off_m, off_m)
+        return result
+
+
+class StatePrior(NamedTuple):
+    """Normal prior of states.
+
+    Attributes:
+        mean: Mean, shape (n_states,).
+        information: Inverse of the covariance, shape (n_states, n_states).
+        spread: Standard deviations, shape (n_states,).
+    """
+
+    mean: FloatArray
+    information: FloatArray
+    spread: FloatArray
+
+
+def pattern_scale(array: ArrayModel) -> FloatArray:
+    """Return the prior standard deviations of the states of the pattern error for a level of 1, shape (N_TERMS,)."""
+    decay = np.repeat(np.arange(1.0, N_HARMONICS + 1.0), 2) ** -PATTERN_DECAY
+    decay *= array.manifold.table.gain.max() / np.sqrt(0.5 * np.square(decay).sum())
+    return np.multiply.outer(PATTERN_OFF_PLANE, decay).ravel()
+
+
+def array_prior(array: ArrayModel, levels: ErrorLevels) -> StatePrior:
+    """Return the prior of the states of the array; errors known from earlier missions include the yaw of the mount."""
+    n = array.manifold.n_elements
+    known = array.errors or EstimatedErrors.of_spread(array.spread, n)
+    errors = known.covariance + 1e-12 * np.eye(N_KINDS * n)
+    if array.errors is None:
+        errors[n : 2 * n, n : 2 * n] += YAW_PRIOR_RAD**2
+    common = np.array([WIDENING_PRIOR, TILT_PRIOR_RAD, TILT_PRIOR_RAD, GROUND_PRIOR[1]])
+    pattern = levels.pattern * pattern_scale(array)
+    mean = np.concatenate([np.zeros(N_COMMON), known.state, np.zeros(N_TERMS)])
+    mean[GROUND] = GROUND_PRIOR[0]
+    information = block_diag(np.diag(common**-2.0), np.linalg.inv(errors), np.diag(pattern**-2.0))
+    return StatePrior(mean, information, np.concatenate([common, np.sqrt(np.diag(errors)), pattern]))
+
+
+def nominal_array(array: ArrayModel) -> NominalArray:
+    """Return the data sheet for compiled functions."""
+    manifold = array.manifold
+    return NominalArray(
+        array.positions_m,
+        as_boresights(manifold.boresights_rad, manifold.boresight_elevations_rad),
+        manifold.gain_factors,
+        manifold.gain_offsets,
+        manifold.pattern_table,
+    )
 
 
 def with_height(places_m: ArrayLike) -> FloatArray:
@@ -258,67 +449,3 @@ def with_height_covariance(covariances_m2: FloatArray) -> FloatArray:
     in_space = np.zeros((*covariances_m2.shape[:-2], 3, 3))
     in_space[..., :2, :2], in_space[..., 2, 2] = covariances_m2, HEIGHT_PRIOR_M[1] ** 2
     return in_space
-
-
-def inverse(matrix: NDArray[np.floating[Any]]) -> FloatArray:
-    """Invert a matrix and return it as float64."""
-    return np.linalg.inv(matrix).astype(np.float64)
-
-
-def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int, n_terms: int) -> FloatArray:
-    """Build the decorrelation matrix of `Priors`; only the errors of the elements are correlated."""
-    correlation = covariance / np.multiply.outer(spread, spread)
-    np.fill_diagonal(correlation, 1.0)
-    decorrelation, of_errors = np.eye(n_places + spread.size + n_terms), slice(n_places, n_places + spread.size)
-    decorrelation[of_errors, of_errors] = inverse(np.linalg.cholesky(correlation))
-    return decorrelation
-
-
-def _fit_data(
-    pulses: PulseBatch,
-    pose: FloatArray,
-    source: IntArray,
-    start_m: FloatArray,
-    array: ArrayModel,
-    pose_error: PoseError,
-) -> FitData:
-    """Compute the weights and the weighted strengths of pulses; unexplained errors persist as long as pose errors."""
-    usable_v = pulses.strengths_v * pulses.is_usable
-    norm_v = np.linalg.norm(usable_v, axis=-1, keepdims=True)
-    strengths, variance = usable_v / norm_v, pulses.variance_v2 / norm_v**2
-    repeats = _correlated_pulses(pulses.time_s, source, pose_error.correlation_s)
-    floor = array.spread.unexplained**2 * np.square(strengths) * repeats[:, np.newaxis]
-    if array.spread.pattern > 0.0:
-        of_largest = _pattern_variance(pose, source, start_m, array)
-        floor += (of_largest * np.square(strengths).max(axis=-1))[:, np.newaxis]
-    weight = pulses.is_usable / np.sqrt(variance + floor + 1e-8)
-    return FitData(np.ascontiguousarray(pose), source, weight, weight * strengths, repeats)
-
-
-def _correlated_pulses(time_s: FloatArray, source: IntArray, correlation_s: float) -> FloatArray:
-    """Compute, for each pulse, the effective number of pulses of its source that share its pose error.
-
-    Returns:
-        Shape (n,), >= 1.
-    """
-    lag = np.abs(time_s[:, np.newaxis] - time_s) / max(correlation_s, 1e-9)
-    return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
-
-
-def _pattern_variance(pose: FloatArray, source: IntArray, start_m: FloatArray, array: ArrayModel) -> FloatArray:
-    """Return the variance of the strengths due to pattern errors that are not in the state, shape (n,).
-
-    The variance is in units of the largest squared strength. The error is a fraction of the largest gain in the plane;
-    all gains are smaller off the plane, so it matters more there. All pulses from one direction of the array share the
-    error, so the variance is multiplied by their number.
-    """
-    sight_m = start_m[source, :2] - pose[:, :2]
-    azimuth_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0]) - pose[:, 2]
-    height_m2 = (HEIGHT_PRIOR_M[0] - array.height_m) ** 2 + HEIGHT_PRIOR_M[1] ** 2
-    sin2 = height_m2 / (height_m2 + np.square(sight_m).sum(axis=-1))
-    largest: FloatArray = gains_in_space(array.manifold).max(axis=(1, 2))
-    of_largest = np.asarray(np.interp(np.arcsin(np.sqrt(sin2)), ELEVATIONS_RAD, largest[0] / largest), np.float64)
-    apart = np.abs(difference(azimuth_rad[:, np.newaxis], azimuth_rad)) / PATTERN_APART_RAD
-    repeats = (np.exp(-apart) * (source[:, np.newaxis] == source)).sum(axis=-1)
-    share = UNEXPLAINED_PATTERN_SHARE * array.spread.pattern * of_largest
-    return np.square(share) * off_by_pattern(sin2) * repeats

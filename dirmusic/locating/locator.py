@@ -1,104 +1,129 @@
-"""The Locator, which turns pulses with bearings into findings."""
+"""The Locator, which turns pulses with bearings into findings; docs/explanation/locating.md gives the model."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logit
 
-from dirmusic.angles import difference
-from dirmusic.array.element_errors import ElementErrors, EstimatedErrors
+from dirmusic.angles import aperture, azimuth_of
+from dirmusic.array.element_errors import Learned
 from dirmusic.array.model import ArrayModel
-from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.association import Assigner, Assignment, Unassociated
-from dirmusic.locating.bearing_fit import locate_by_bearings, triangulate
-from dirmusic.locating.confirmation import updated_state
-from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fit import JointEstimate, locate_jointly, with_height_covariance
+from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.locating.association import (
+    EQUAL_LOSS_DB,
+    Association,
+    Comparison,
+    Level,
+    associate,
+    compare_groups,
+    pooled,
+    window_shares,
+)
+from dirmusic.locating.existence import (
+    OCCAM,
+    image_evidence,
+    level_evidence,
+    log_ratios,
+    pulse_evidence,
+    rate_evidence,
+)
+from dirmusic.locating.finding import Finding, State, reaches95
+from dirmusic.locating.initiation import find_crossing
+from dirmusic.locating.joint_fit import ErrorLevels, JointEstimate, JointFit, array_prior, nominal_array
+from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
-from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose, Rows, choose_evenly
+from dirmusic.locating.pulse_pool import PulsePool, Visibility
 from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.track import Evidence, Track
 from dirmusic.pulses.batch import PulseBatch
 
-LEARNING_STATES = ("candidate", "confirmed")
-"""States of findings from which the array errors are estimated. A source outside the fence may move and have any
-polarisation, and the pulses of a ghost do not come from a single point: both would bias the estimate."""
+INITIAL_LEVELS = ErrorLevels(0.04, 0.05)
+"""Error levels from which the first fit starts (assumed). From a smaller pattern error, the fit of an antenna that
+differs from its data sheet may end in a local minimum."""
 
-REFIT_SHARE = 0.1
-"""Relative change in the number of a finding's pulses that triggers a new fit (assumed). If the new pulses are as good
-as the others, they move the position by a twentieth of its standard deviation."""
+MULTIPATH = 0.08
+"""Relative error of strengths by reflections that arrive together with the direct wave, added for the association
+(assumed): such pulses still belong to their source, although the fit weights them by a smaller error."""
 
-REFIT_RAD = np.radians(10.0)
-"""Change of a finding's aperture that triggers a new fit (assumed): a few pulses from another side contribute more than
-many from a direction that is already covered."""
+FITTED_PROBABILITY, LEAST_GROUPS, LEAST_PULSES = 0.1, 2.5, 2.0
+"""Least probability with which a group is used in a fit, least sum of these for a fit, and least number of pulses of a
+track (assumed)."""
 
-INITIAL_RANGE_M = 10.0
-"""Range of a new candidate of which only the bearing is known, and also its standard deviation (assumed)."""
+CHANGED_SHARE, CHANGED_RAD = 0.1, np.radians(10.0)
+"""Change of the number of groups, and of the aperture, after which a source is fitted again (assumed)."""
+
+UNEXPLAINED_PROBABILITY, LEAST_NEW, LEAST_NEW_SHARE = 0.3, 4, 0.1
+"""Probability of any source below which a group may initiate a track, and change of the number of such pulses,
+absolute and relative, after which initiation is tried again (assumed)."""
+
+APART_M = 0.3
+"""Least distance of a new track from others (assumed)."""
+
+MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
+"""Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
+which on a candidate is replaced (assumed)."""
+
+LOCATED_M = 2.0
+"""Semi-major axis up to which the map decides whether a track is visible; a larger ellipse reaches around obstacles
+(assumed)."""
+
+DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
+"""Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
+again (assumed)."""
+
+REFUTED_LOG_ODDS, REFUTED_WINDOWS, REFUTED_EVIDENCE = -5.0, 6, 3.0
+"""Log odds below which a track is deleted once it is tested: silence or an image have that much weight, or it has had
+pulses in so many windows and little evidence from them (assumed)."""
+
+THRESHOLD_QUANTILE, THRESHOLD_MARGIN_DB = 0.05, 6.0
+"""Quantile of the levels of all pulses that is taken as the threshold of detection, and margin above it from which on a
+source is expected to be detected (assumed)."""
+
+SPREAD_DB = (1.5, 8.0)
+"""Limits of the estimated spread of levels (assumed)."""
+
+IMAGE_MARGIN_DB = 3.0
+"""Margin above the level on a free path beyond which a pulse is not an image of the source (assumed)."""
 
 
-class Learned(NamedTuple):
-    """Array errors estimated in a mission.
+class Detections(NamedTuple):
+    """Detections of a source in each second of the mission; every array has shape (n_seconds,).
 
     Attributes:
-        errors: Posterior errors of the elements, which include those known from earlier missions.
-        n_pulses: Number of pulses of this mission that were used.
+        detected: Number of detections.
+        expected: Expected number of detections; 0 where the source may be hidden or too weak.
+        strongest_db: Level of the strongest pulse at the array, dB relative to 1 V; minus infinity without one.
+        free_db: Level at the array on a free path.
     """
 
-    errors: EstimatedErrors
-    n_pulses: int
-
-
-class FitBasis(NamedTuple):
-    """Summary of the pulses of a finding on which a fit is based.
-
-    Attributes:
-        n_pulses: Number of pulses of the finding.
-        n_in_sight: Number of those pulses that were detected in sight of it.
-        aperture_rad: Angle over which its lines of sight spread.
-    """
-
-    n_pulses: int
-    n_in_sight: int
-    aperture_rad: float
-
-    def differs_from(self, fitted: FitBasis) -> bool:
-        """Return whether a new fit would be based on considerably different pulses."""
-        return (
-            abs(self.n_pulses - fitted.n_pulses) > REFIT_SHARE * fitted.n_pulses
-            or abs(self.n_in_sight - fitted.n_in_sight) > REFIT_SHARE * fitted.n_in_sight
-            or abs(self.aperture_rad - fitted.aperture_rad) > REFIT_RAD
-        )
-
-
-def needs_refit(basis: dict[int, FitBasis], fitted: dict[int, FitBasis]) -> bool:
-    """Return whether the set of findings has changed since the last fit, or the pulses of one considerably."""
-    if basis.keys() != fitted.keys():
-        return True
-    return any(of_finding.differs_from(fitted[number]) for number, of_finding in basis.items())
+    detected: FloatArray
+    expected: FloatArray
+    strongest_db: FloatArray
+    free_db: FloatArray
 
 
 class Locator:
-    """Locator that associates pulses with findings, and fits all findings and the array errors jointly.
+    """Locator by expectation maximisation over all pulses of a mission.
 
-    It stores every pulse that is consistent with a plane wave.
+    Every `refit_s`, it associates all pulses with the tracks (E step), initiates a track where unexplained pulses
+    cross, fits positions and array if the association has changed (M step), merges tracks of one place, and updates
+    the probability that each exists. The states of the array and the error levels are fitted together with confirmed
+    sources, or with the likeliest candidate while none is confirmed.
 
     Args:
-        array: The array's data sheet and spread, and its errors as estimated in earlier missions, which are used until
-            the pulses contradict them; never the true array that generated the data.
-        pose_error: Error of the poses given to `update`.
+        array: The array's data sheet and spread, and its errors if they are known.
+        pose_error: Error of the poses.
         fence_m: Length of the yard along x and y, with the origin at its corner; None without a fence.
-        rules: Conditions under which pulses initiate and confirm a finding.
-        sight: Transmission along lines of sight according to the map of the yard; None without a map.
+        rules: Rules; None for the defaults.
+        sight: Transmission along lines of sight according to the map; None without a map.
 
     Attributes:
-        findings: All current findings, in the order of their ids.
-        array: The array as given; its errors are removed once the pulses have contradicted them.
-        contradicts_errors: True once the pulses have contradicted the known errors of the array.
-
-    Raises:
-        ValueError: If errors of the array are given and the solver is not `joint`, the only one that uses them.
+        findings: Current findings.
+        estimate: Latest fit of the array; None before the first.
+        contradicts_errors: True if the pulses contradicted the known errors of the array, which are then not used.
     """
 
     def __init__(
@@ -110,289 +135,374 @@ class Locator:
         rules: LocatingRules | None = None,
         sight: LineOfSight | None = None,
     ) -> None:
-        self.array = array
-        self.contradicts_errors = False
-        self.pose_error = pose_error
-        self.fence_m = fence_m
+        self.array, self.pose_error, self.fence_m = array, pose_error, fence_m
         self.rules = rules or LocatingRules()
-        if array.errors is not None and self.rules.solver != "joint":
-            raise ValueError(f"`array.errors` needs the solver 'joint', got {self.rules.solver!r}")
         self.findings: tuple[Finding, ...] = ()
-        self._n_initiated = 0
-        self._next_fit_s = -np.inf
-        self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
-        errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
-        self._error_rad = self._record.error_table(errors)
-        self._not_recorded: list[PulsesAtPose] = []
-        self._fitted: dict[int, FitBasis] = {}
-        self._assigner = Assigner(self._record, self.rules.assignment)
+        self.contradicts_errors = False
+        self.estimate: JointEstimate | None = None
+        self._levels = INITIAL_LEVELS
+        self._pool = PulsePool(array.manifold.n_elements, array.height_m, pose_error)
+        self._visibility = Visibility(self._pool, sight)
+        self._nominal = nominal_array(array)
+        prior = array_prior(array, self._levels)
+        self._array_state, self._array_covariance = prior.mean, np.linalg.inv(prior.information)
+        self._compared_state, self._compared_levels = self._array_state, self._levels
+        self._tracks: list[Track] = []
+        self._association = Association(np.empty((0, 0)), np.empty((0, 0)), np.empty((1, 0)))
+        self._window: IntArray = np.empty(0, dtype=np.intp)
+        self._array_tracks: set[int] = set()
+        self._n_initiated, self._n_unexplained, self._n_checked, self._next_fit_s = 0, 0, 0, -np.inf
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
-        """Add the pulses that were detected at one pose, and refit all findings every `refit_s`.
-
-        Args:
-            time_s: Time of the pose.
-            pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
-            pulses: Pulses that are consistent with a single plane wave, with their directions; see
-                `plane_wave.is_credible`.
-
-        Returns:
-            All current findings, in the order of their ids.
-        """
-        self._not_recorded.append(PulsesAtPose(time_s, pose, pulses))
-        has_candidate = any(finding.state == "candidate" for finding in self.findings)  # may become a ghost
-        if (pulses.n_pulses or has_candidate) and time_s >= self._next_fit_s:
+        """Add the pulses that were detected at one pose, and return all current findings; see `LocatorProtocol`."""
+        self._pool.add(time_s, pose, pulses)
+        if time_s >= self._next_fit_s and (pulses.n_pulses or self._tracks):
             self._next_fit_s = time_s + self.rules.refit_s
-            self._renew(time_s, always=False)
+            self._renew(time_s, rounds=1)
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
-        """Associate and fit all pulses so far, even if `refit_s` has not passed, and return all findings."""
-        return self._renew(time_s, always=True)
-
-    def association(self) -> Rows:
-        """Return the id of the finding of each pulse so far, or a code of `Unassociated`; shape (n_pulses_so_far,)."""
-        finding = self._assigned().finding.copy()
-        ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
-        has_finding = finding >= 0
-        finding[has_finding] = ids[finding[has_finding]]
-        return finding
-
-    def learned(self) -> Learned | None:
-        """Return the errors of the array as estimated from confirmed findings.
-
-        Returns None without a confirmed finding, or with the solver `bearings`. Candidates are not used,
-        because a mirror image would bias the errors.
-        """
-        assignment = self._assigned()
-        chosen = {
-            k: seen
-            for k, finding in enumerate(self.findings)
-            if finding.state == "confirmed"
-            and (seen := np.flatnonzero((assignment.finding == k) & assignment.in_sight)).size
-        }
-        if not chosen or self.rules.solver != "joint":
-            return None
-        return Learned(self._locate(chosen, self.array).errors, sum(rows.size for rows in chosen.values()))
-
-    def _assigned(self) -> Assignment:
-        """Assign all pulses so far to the current findings; new pulses are recorded here in bulk, which is faster."""
-        self._record.extend(self._not_recorded)
-        self._not_recorded = []
-        return self._assigner.assign(self.findings, self._error_rad)
-
-    def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
-        """Assign all pulses so far, fit if they have changed considerably or `always`, and return all findings."""
-        assignment = self._with_initiation(self._without_unsupported(), time_s)
-        basis: dict[int, FitBasis] = {}
-        for k, finding in enumerate(self.findings):
-            own = assignment.finding == k
-            n_in_sight = int(np.count_nonzero(own & assignment.in_sight))
-            basis[finding.id] = FitBasis(int(np.count_nonzero(own)), n_in_sight, finding.aperture_rad)
-        distinct: Sequence[Finding] = self.findings
-        if always or needs_refit(basis, self._fitted):
-            self._fitted = basis
-            distinct = merge_findings(self._fit(assignment), self.rules.merge_m)
-            assignment = self._assigner.assign(distinct, self._error_rad)
-        self.findings = self._with_states(distinct, assignment, time_s)
+        """Associate and fit all pulses so far until both agree, and return all findings."""
+        for _ in range(3):
+            self._renew(time_s, rounds=2, always=True)
         return self.findings
 
-    def _without_unsupported(self) -> Assignment:
-        """Drop findings that have fewer pulses than initiate a candidate, and assign all pulses to the others."""
-        assignment = self._assigned()
-        finding = assignment.finding
-        n_pulses = np.bincount(finding[finding >= 0], minlength=len(self.findings))
-        least = self.rules.initiation_pulses
-        kept = [finding for n, finding in zip(n_pulses, self.findings, strict=True) if n >= least]
-        if len(kept) == len(self.findings):
-            return assignment
-        self.findings = tuple(kept)
-        return self._assigned()
+    def association(self) -> IntArray:
+        """Return the id of the likeliest finding of each pulse so far, 0 for none; shape (n_pulses_so_far,)."""
+        self._pool.pool()
+        finding = np.zeros(self._pool.groups.time_s.size, dtype=np.intp)
+        if self._tracks:
+            self._window = self._pool.window_of(self._pool.groups.time_s)
+            self._expect()
+            ids = np.array([track.id for track in self._tracks])
+            direct = self._association.direct
+            finding = np.where(direct.max(axis=0) > 0.5, ids[direct.argmax(axis=0)], 0)
+        return finding[self._pool.group].astype(np.intp)
 
-    def _with_initiation(self, assignment: Assignment, time_s: float) -> Assignment:
-        """Initiate a candidate from recent unassigned pulses.
+    def learned(self) -> Learned | None:
+        """Return the errors of the array as estimated with confirmed findings; None without one."""
+        confirmed = [track for track in self._tracks if track.state == "confirmed"]
+        if not confirmed or self.estimate is None:
+            return None
+        return Learned(self.estimate.errors, sum(track.n_pulses for track in confirmed))
 
-        If their lines of sight cross near an existing finding, its position is wrong, and they are assigned to it.
-        """
-        is_first = all(finding.state not in ("candidate", "confirmed") for finding in self.findings)
-        unassigned = assignment.finding == Unassociated.UNASSIGNED
-        rows = rows_of_candidate(self._record, unassigned, self._error_rad, self.rules, time_s, is_first=is_first)
-        if not rows.size:
-            return assignment
-        candidate = new_candidate(self._record, rows, self._error_rad, self._n_initiated + 1)
-        apart_m = [float(np.linalg.norm((candidate.position_m - other.position_m)[:2])) for other in self.findings]
-        finding = assignment.finding.copy()
-        if apart_m and min(apart_m) < self.rules.merge_m:
-            finding[rows] = int(np.argmin(apart_m))
-            return assignment._replace(finding=finding)
+    def _renew(self, time_s: float, rounds: int, *, always: bool = False) -> None:
+        """Update all tracks with the pulses so far."""
+        self._pool.pool()
+        if not self._pool.groups.time_s.size:
+            return
+        self._window = self._pool.window_of(self._pool.groups.time_s)
+        self._expect()
+        self._initiate(time_s)
+        if always or any(self._has_changed(track) for track in self._tracks):
+            self._maximise(rounds)
+            self._expect()
+        self._merge()
+        self._judge(time_s)
+        self._delete()
+        self.findings = tuple(track.finding() for track in self._tracks)
+
+    def _expect(self) -> None:
+        """Associate all groups with the tracks; shares of windows are estimated in two rounds."""
+        groups, tracks = self._pool.groups, self._tracks
+        if not tracks:
+            return
+        probability = np.full((len(tracks), groups.time_s.size), 0.5)
+        for row, track in zip(probability, tracks, strict=True):
+            known = track.direct + track.multipath
+            row[: known.size] = known[: row.size]
+        compared, levels = [self._compare(track) for track in tracks], [track.level for track in tracks]
+        is_confirmed = np.array([track.state == "confirmed" for track in tracks])
+        for _ in range(2):
+            share = window_shares(probability, groups.n_pulses, self._window)
+            self._association = associate(groups, compared, levels, is_confirmed, share)
+            probability = self._association.direct + self._association.multipath
+        for track, direct, multipath in zip(tracks, self._association.direct, self._association.multipath, strict=True):
+            track.direct, track.multipath = direct, multipath
+
+    def _compare(self, track: Track) -> Comparison:
+        """Compare groups with a track; earlier results are kept as long as the track has hardly moved."""
+        groups = self._pool.groups
+        start = min(track.n_compared, groups.time_s.size)
+        unexplained = float(np.hypot(self._levels.unexplained, MULTIPATH))
+        noise = Noise(self.pose_error.position_m, self.pose_error.heading_rad, unexplained)
+        later = compare_groups(
+            groups.take(slice(start, None)),
+            track.position_m,
+            self._array_state,
+            track.uncertainty,
+            self._nominal,
+            noise,
+            self._transmission(track)[:, groups.place[start:]],
+        )
+        track.compared = track.compared.first(start).followed_by(later)
+        track.n_compared = self._pool.n_settled
+        return track.compared
+
+    def _transmission(self, track: Track) -> FloatArray:
+        """Return the transmission from all places to a track at likely heights, shape (n_heights, n_places)."""
+        if track.semi_major_m > LOCATED_M:
+            return np.ones((1, len(self._pool.places_m)))
+        return self._visibility.at_heights(track.position_m, track.height_std_m)
+
+    def _basis(self, track: Track) -> tuple[float, float]:
+        """Return the number of groups that a track is fitted to, and their aperture."""
+        rows = np.flatnonzero(track.direct > FITTED_PROBABILITY)
+        off_m = self._pool.groups.pose[rows, :2] - track.position_m[:2]
+        return float(track.direct[rows].sum()), aperture(azimuth_of(off_m))
+
+    def _has_changed(self, track: Track) -> bool:
+        (n, aperture_rad), (fitted_n, fitted_rad) = self._basis(track), track.fitted
+        return abs(n - fitted_n) > CHANGED_SHARE * fitted_n or abs(aperture_rad - fitted_rad) > CHANGED_RAD
+
+    def _initiate(self, time_s: float) -> None:
+        """Initiate a track from pulses that no track explains."""
+        groups = self._pool.groups
+        explained = np.zeros(groups.time_s.size)
+        for track in self._tracks:
+            explained += track.direct + track.multipath
+        is_unexplained = explained < UNEXPLAINED_PROBABILITY
+        n_unexplained = int(groups.n_pulses[is_unexplained].sum())
+        if abs(n_unexplained - self._n_unexplained) < max(LEAST_NEW, LEAST_NEW_SHARE * self._n_unexplained):
+            return
+        self._n_unexplained = n_unexplained
+        occupied_m = np.array([track.position_m for track in self._tracks]).reshape(-1, N_PLACE)
+        crossing = find_crossing(groups, is_unexplained, self._window, time_s, occupied_m, APART_M)
+        candidates = [track for track in self._tracks if track.state == "candidate"]
+        stale = [
+            track for track in candidates if track.last_s < time_s - STALE_S or track.evidence.pulses < LEAST_EVIDENCE
+        ]
+        is_full = len(candidates) >= MAX_CANDIDATES
+        if crossing is None or (is_full and not stale):
+            return
+        if is_full:
+            self._tracks.remove(min(stale, key=lambda track: track.log_odds))
+        uncertainty = np.zeros((N_PLACE + self._array_state.size,) * 2)
+        uncertainty[:N_PLACE, :N_PLACE] = crossing.covariance_m2
+        uncertainty[N_PLACE:, N_PLACE:] = self._array_covariance
         self._n_initiated += 1
-        finding[rows] = len(self.findings)
-        self.findings += (candidate,)
-        return self._assigner.assign(self.findings, self._error_rad)._replace(finding=finding)
-
-    def _with_states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
-        """Update the states of findings; a new confirmation must still hold after the pulses are reassigned."""
-        now = self._states(findings, assignment, time_s)
-        is_new = [a.state == "confirmed" != b.state for a, b in zip(now, findings, strict=True)]
-        if not any(is_new):
-            return now
-        then = self._states(now, self._assigner.assign(now, self._error_rad), time_s)
-        return tuple(
-            replace(finding, state="candidate", confirmed_s=before.confirmed_s)
-            if new and after.state != "confirmed"
-            else finding
-            for finding, before, after, new in zip(now, findings, then, is_new, strict=True)
+        track = Track(
+            id=self._n_initiated,
+            position_m=crossing.position_m,
+            covariance_m2=crossing.covariance_m2,
+            uncertainty=uncertainty,
+            first_s=float(groups.time_s[crossing.rows[0]]),
+            last_s=float(groups.time_s[crossing.rows[-1]]),
+            direct=np.zeros(groups.time_s.size),
+            multipath=np.zeros(groups.time_s.size),
         )
+        track.direct[crossing.rows] = 1.0
+        self._compare(track)
+        self._estimate_level(track)
+        track.direct[:] = 0.5
+        self._tracks.append(track)
+        self._expect()
+        track.direct[crossing.rows] = 1.0
 
-    def _states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
-        return tuple(
-            updated_state(finding, k, assignment, self._record, self._error_rad, self.rules, self.fence_m, time_s)
-            for k, finding in enumerate(findings)
+    def _maximise(self, rounds: int) -> None:
+        """Fit the array together with the best tracks, then each of the others that has changed."""
+        tracks = [track for track in self._tracks if self._basis(track)[0] >= LEAST_GROUPS]
+        best = [track for track in tracks if track.state == "confirmed"]
+        if not best:
+            best = sorted((t for t in tracks if t.state == "candidate"), key=lambda t: -t.log_odds)[:1]
+        if best:
+            is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
+            self._array_tracks = {track.id for track in best}
+            self.estimate = self._fit(best, rounds=4 if is_new else rounds, is_new=is_new)
+            self.estimate = self._check_known_errors(best, self.estimate)
+            n = N_PLACE * len(best)
+            self._levels, self._array_state = self.estimate.levels, self.estimate.state[n:]
+            self._array_covariance = self.estimate.covariance[n:, n:]
+            self._check_comparisons()
+        for track in tracks:
+            if track not in best and self._has_changed(track):
+                self._fit([track], rounds=0, is_new=False)
+        for track in self._tracks:
+            self._compare(track)
+            self._estimate_level(track)
+            track.fitted = self._basis(track)
+
+    def _fit(self, tracks: list[Track], *, rounds: int, is_new: bool) -> JointEstimate:
+        """Fit some tracks jointly with the array, from the prior of the array if it is new."""
+        rows = [
+            choose_evenly(np.flatnonzero(track.direct > FITTED_PROBABILITY), self.rules.max_pulses) for track in tracks
+        ]
+        groups = self._pool.groups.take(np.concatenate(rows))
+        probability = np.concatenate([track.direct[own] for track, own in zip(tracks, rows, strict=True)])
+        number = np.repeat(np.arange(len(tracks)), [own.size for own in rows])
+        fit = JointFit(pooled(groups), groups.level_db, groups.time_s, number, probability, self.array, self.pose_error)
+        estimate = fit.solve(
+            np.array([track.position_m for track in tracks]),
+            None if is_new else self._array_state,
+            INITIAL_LEVELS if is_new else self._levels,
+            rounds,
         )
-
-    def _fit(self, assignment: Assignment) -> list[Finding]:
-        """Fit the positions of findings to their pulses in sight; triangulate findings that have too few of these.
-
-        Findings in `LEARNING_STATES` are fitted jointly with the errors of the array; the others with these errors.
-        """
-        moved, chosen = list(self.findings), dict[int, Rows]()
-        for k, finding in enumerate(self.findings):
-            own = np.flatnonzero(assignment.finding == k)
-            seen = own[assignment.in_sight[own]]
-            if seen.size >= self.rules.initiation_pulses:
-                chosen[k] = seen
-            elif own.size >= self.rules.initiation_pulses and finding.state != "confirmed":
-                rows = choose_evenly(own, self.rules.max_pulses)
-                position, covariance = self._record.crossing(rows, self._error_rad)
-                if np.isfinite(covariance).all():
-                    moved[k] = replace(finding, position_m=position, covariance_m2=covariance)
-        learning = {k: rows for k, rows in chosen.items() if moved[k].state in LEARNING_STATES}
-        array = self.array
-        if learning:
-            estimate = self._learn(learning)
-            self._move(moved, learning, estimate)
-            array = replace(self.array, errors=estimate.errors)
-        others = {k: rows for k, rows in chosen.items() if k not in learning}
-        if others:
-            self._move(moved, others, self._locate(others, array))
-        return moved
-
-    def _learn(self, learning: dict[int, Rows]) -> JointEstimate:
-        """Fit findings jointly with the errors of the array, and store the errors."""
-        estimate = self._locate(learning, self.array)
-        if self.array.errors is not None and estimate.errors.contradicts(self.array.errors):
-            self.array = replace(self.array, errors=None)
-            self.contradicts_errors = True
-            estimate = self._locate(learning, self.array)
-        self._error_rad = self._record.error_table(estimate.errors.mean)
+        n = N_PLACE * len(tracks)
+        for k, track in enumerate(tracks):
+            states = np.r_[N_PLACE * k : N_PLACE * (k + 1), n : estimate.state.size]
+            uncertainty = estimate.covariance[np.ix_(states, states)]
+            uncertainty[:N_PLACE, :N_PLACE] = estimate.covariances_m2[k]
+            track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty)
         return estimate
 
-    def _move(self, findings: list[Finding], fitted: Iterable[int], estimate: JointEstimate) -> None:
-        """Move the fitted findings to their estimated positions; one that moves too far becomes a candidate."""
-        for k, position, covariance in zip(fitted, estimate.positions_m, estimate.covariances_m2, strict=True):
-            has_jumped = np.linalg.norm((position - findings[k].position_m)[:2]) > self.rules.merge_m
-            state = "candidate" if has_jumped else findings[k].state
-            findings[k] = replace(findings[k], position_m=position, covariance_m2=covariance, state=state)
+    def _check_known_errors(self, tracks: list[Track], estimate: JointEstimate) -> JointEstimate:
+        """Stop using known errors of the array if confirmed tracks contradict them; return the estimate to use.
 
-    def _locate(self, chosen: dict[int, Rows], array: ArrayModel) -> JointEstimate:
-        """Fit some of the findings, each to the chosen rows of pulses, with the solver that the rules name."""
-        locate = locate_jointly if self.rules.solver == "joint" else locate_by_bearings
-        pulses, poses = zip(*(self._record.pooled(own, self.rules.max_pulses) for own in chosen.values()), strict=True)
-        return locate(
-            PulseBatch.join(pulses),
-            np.concatenate(poses),
-            np.repeat(np.arange(len(chosen)), [len(pose) for pose in poses]),
-            np.array([self._start(self.findings[k], own) for k, own in chosen.items()]),
-            array,
-            self.pose_error,
-        )
+        They are compared with an estimate that does not use them, each time when the number of groups has doubled.
+        """
+        known, n = self.array.errors, self._pool.groups.time_s.size
+        if known is None or n < 2 * self._n_checked or any(track.state != "confirmed" for track in tracks):
+            return estimate
+        self._n_checked = n
+        self.array = replace(self.array, errors=None)
+        without = self._fit(tracks, rounds=4, is_new=True)
+        self.contradicts_errors = without.errors.contradicts(known)
+        if self.contradicts_errors:
+            return without
+        self.array = replace(self.array, errors=known)
+        return self._fit(tracks, rounds=1, is_new=False)
 
-    def _start(self, finding: Finding, rows: Rows) -> FloatArray:
-        """Return the starting point of the fit: the last position if it is known well, else a rough crossing."""
-        if finding.semi_major_m < 2 * self.rules.merge_m:
-            return finding.position_m
-        return self._record.rough_crossing(choose_evenly(rows, self.rules.max_pulses), self._error_rad)
+    def _check_comparisons(self) -> None:
+        """Compare all groups anew if the array as estimated has changed considerably since they were compared."""
+        moved = self._array_state - self._compared_state
+        growth = self._levels.unexplained / self._compared_levels.unexplained
+        if moved @ np.linalg.solve(self._array_covariance, moved) > 0.05 * moved.size or not 0.8 < growth < 1.25:
+            self._compared_state, self._compared_levels = self._array_state, self._levels
+            for track in self._tracks:
+                track.n_compared = 0
+
+    def _estimate_level(self, track: Track) -> None:
+        """Estimate the level of a track by weighted medians."""
+        rows = np.flatnonzero(track.direct > FITTED_PROBABILITY)
+        if not rows.size:
+            return
+        level_db, error_db = track.compared.level_db[rows], track.compared.level_error_db[rows]
+        weight = track.direct[rows] * np.minimum(self._pool.groups.n_pulses[rows], 5) / np.square(error_db)
+        mean_db = weighted_median(level_db, weight)
+        spread_db = 1.4826 * weighted_median(np.abs(level_db - mean_db), weight)
+        track.level = Level(mean_db, float(np.clip(spread_db, *SPREAD_DB)))
+
+    def _merge(self) -> None:
+        """Merge tracks at one place; the confirmed one, or else the first, is kept."""
+        kept: list[Track] = []
+        for track in sorted(self._tracks, key=lambda t: (t.state != "confirmed", t.id)):
+            apart_m = [float(np.linalg.norm((track.position_m - other.position_m)[:2])) for other in kept]
+            if min(apart_m, default=np.inf) >= self.rules.merge_m:
+                kept.append(track)
+        self._keep(kept)
+
+    def _delete(self) -> None:
+        """Delete tracks that are refuted, or that have lost their pulses to others."""
+        kept: list[Track] = []
+        for track in self._tracks:
+            pulses, rate, image = track.evidence
+            n_windows = np.unique(self._window[track.direct > 0.5]).size
+            is_tested = min(rate, image) < REFUTED_LOG_ODDS or (
+                n_windows >= REFUTED_WINDOWS and pulses < REFUTED_EVIDENCE
+            )
+            is_placed = track.semi_major_m < LOCATED_M or rate < -OCCAM
+            is_refuted = track.log_odds < REFUTED_LOG_ODDS and is_tested and is_placed
+            n_pulses = float(track.direct @ self._pool.groups.n_pulses)
+            if not is_refuted and (n_pulses >= LEAST_PULSES or track.confirmed_s is not None):
+                kept.append(track)
+        self._keep(kept)
+
+    def _keep(self, tracks: list[Track]) -> None:
+        """Keep some of the tracks, and associate all groups with them if there were others."""
+        if len(tracks) < len(self._tracks):
+            self._tracks = sorted(tracks, key=lambda track: track.id)
+            self._expect()
+
+    def _judge(self, time_s: float) -> None:
+        """Update the odds and the state of each track."""
+        groups, window = self._pool.groups, self._pool.window_of(self._pool.listened_s)
+        tracks = self._tracks
+        for track in tracks:
+            self._estimate_level(track)
+        if not tracks:
+            return
+        ratios = np.array([log_ratios(track.compared, track.level, groups.n_pulses) for track in tracks])
+        by_pulses = pulse_evidence(ratios, self._association, self._window)
+        observed = {track.id: self._observe(track) for track in tracks}
+        own_odds, by_tries = dict[int, float](), float(np.log(self._n_initiated))  # look-elsewhere effect
+        for track, pulses in zip(tracks, by_pulses.tolist(), strict=True):
+            own = observed[track.id]
+            visible = own.detected * (own.expected > 0.0)
+            rate = rate_evidence(*(np.bincount(window, n).astype(np.float64) for n in (own.expected, visible)))
+            own_odds[track.id] = pulses + rate + level_evidence(track.level) - OCCAM - by_tries
+            track.evidence = Evidence(pulses, rate)
+        for track in tracks:
+            own, least = observed[track.id], np.inf
+            for senior in tracks:
+                if senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]:
+                    other = observed[senior.id]
+                    limit_db = other.free_db + senior.level.spread_db + IMAGE_MARGIN_DB
+                    is_strong = own.strongest_db > limit_db
+                    image = image_evidence(window, own.detected, other.detected, other.expected, is_strong)
+                    least = min(least, track.evidence.rate + level_evidence(track.level) + image)
+            track.evidence = track.evidence._replace(image=least)
+            track.log_odds = float(-np.logaddexp(-own_odds[track.id], -least))
+            self._describe(track, time_s)
+
+    def _observe(self, track: Track) -> Detections:
+        """Count the detections of a track, and those that were to be expected."""
+        groups, pool = self._pool.groups, self._pool
+        transmission = self._transmission(track)[:, pool.listened].min(axis=0)
+        range_m = np.maximum(np.linalg.norm(pool.places_m[pool.listened] - track.position_m, axis=-1), 0.3)
+        free_db = track.level.mean_db - 20.0 * np.log10(range_m)
+        threshold_db = np.quantile(groups.level_db, THRESHOLD_QUANTILE) + THRESHOLD_MARGIN_DB
+        is_visible = (transmission >= 10.0 ** (-2.0 * EQUAL_LOSS_DB / 20.0)) & (free_db > threshold_db)
+        is_visible &= track.semi_major_m <= LOCATED_M
+        second = np.clip(np.searchsorted(pool.listened_s, groups.time_s, side="right") - 1, 0, None)
+        detected = np.zeros(pool.listened_s.size)
+        np.add.at(detected, second, track.direct * groups.n_pulses)
+        window = pool.window_of(pool.listened_s)
+        n_detected, n_seconds = np.bincount(window, detected * is_visible), np.bincount(window, is_visible)
+        is_active = n_detected > 0.5
+        rate = float(np.median(n_detected[is_active] / n_seconds[is_active])) if is_active.any() else 0.0
+        strongest_db = np.full(pool.listened_s.size, -np.inf)
+        np.maximum.at(strongest_db, second, np.where(track.direct > 0.5, groups.level_db, -np.inf))
+        return Detections(detected, np.where(is_visible, rate, 0.0), strongest_db, free_db)
+
+    def _describe(self, track: Track, time_s: float) -> None:
+        """Update what the finding states about its pulses, and its state."""
+        groups, rows = self._pool.groups, np.flatnonzero(track.direct > 0.5)
+        if rows.size:
+            off_m = groups.pose[rows, :2] - track.position_m[:2]
+            track.last_s, track.aperture_rad = float(groups.time_s[rows[-1]]), aperture(azimuth_of(off_m))
+            track.nearest_m = float(np.linalg.norm(off_m, axis=-1).min())
+            track.n_pulses = int((groups.n_pulses[rows] * track.direct[rows]).sum())
+        track.state = self._state(track)
+        if track.state == "confirmed" and track.confirmed_s is None:
+            track.confirmed_s = time_s
+
+    def _state(self, track: Track) -> State:
+        """Return the state of a track; a confirmed one has more lenient limits."""
+        is_sure = track.evidence.pulses > OCCAM or track.evidence.rate < -OCCAM
+        place = track.position_m[:2], track.covariance_m2[:2, :2]
+        if is_sure and self.fence_m is not None and not reaches95(*place, np.asarray(self.fence_m)):
+            return "outside"
+        least = self.rules.confirm_probability
+        least_odds, longest_m = float(logit(least)), self.rules.confirm_semi_major_m
+        if track.state == "confirmed":
+            least_odds, longest_m = DOUBT_LOG_ODDS, DOUBT_FACTOR * longest_m
+        is_located = track.semi_major_m <= longest_m and track.aperture_rad >= self.rules.confirm_aperture_rad
+        return "confirmed" if track.log_odds >= least_odds and is_located else "candidate"
 
 
-def rows_of_candidate(
-    record: PulseRecord,
-    unassigned: BoolArray,
-    error_rad: FloatArray,
-    rules: LocatingRules,
-    time_s: float,
-    *,
-    is_first: bool,
-) -> Rows:
-    """Find the largest group of recent unassigned pulses from one direction; return no rows if it is too small.
-
-    Pulses from above can initiate only the first candidate, because two simultaneous waves look like one from above.
-
-    Args:
-        record: All pulses.
-        unassigned: True for pulses that are not associated with a finding, shape (n,).
-        error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
-        rules: Minimum number of pulses, width of the arc, and maximum age.
-        time_s: Current time.
-        is_first: True if there is neither a candidate nor a confirmed finding.
-    """
-    rows = np.flatnonzero(unassigned & (is_first | ~record.is_from_above))
-    recent = rows[record.pulses.time_s[rows] > time_s - rules.initiation_s]
-    none = np.empty(0, dtype=np.intp)
-    if recent.size < rules.initiation_pulses:
-        return none
-    bearing, std = record.bearings(recent, error_rad)
-    n_near = _count_neighbours(bearing, rules.initiation_arc_rad)
-    rows = recent[np.abs(difference(bearing[n_near.argmax()], bearing)) < rules.initiation_arc_rad]
-    if rows.size < rules.initiation_pulses and rules.initiation_by_crossing:
-        rows = choose_evenly(recent, rules.max_pulses)
-        bearing, std = record.bearings(rows, error_rad)
-        rows = rows[triangulate(record.pose[rows, :2], bearing, std).is_inlier]
-    return rows if rows.size >= rules.initiation_pulses else none
+def weighted_median(values: FloatArray, weight: FloatArray) -> float:
+    """Return the weighted median of values (n,)."""
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return float(values[order[min(np.searchsorted(total, 0.5 * total[-1]), values.size - 1)]])
 
 
-def new_candidate(record: PulseRecord, rows: Rows, error_rad: FloatArray, number: int) -> Finding:
-    """Create a candidate where the lines of sight of some pulses cross, or at a typical range if they do not.
-
-    At most 4096 lines of sight are used, evenly selected.
-    """
-    position_m, covariance_m2 = record.crossing(choose_evenly(rows, 4096), error_rad)
-    if not np.isfinite(covariance_m2).all():
-        sight_m = position_m[:2] - record.pose[rows[-1], :2]
-        position_m[:2] -= sight_m * (1.0 - INITIAL_RANGE_M / max(float(np.linalg.norm(sight_m)), INITIAL_RANGE_M))
-        covariance_m2 = with_height_covariance(np.eye(2) * INITIAL_RANGE_M**2)
-    first_s, last_s = record.pulses.time_s[rows[[0, -1]]].tolist()
-    return Finding(
-        id=number,
-        state="candidate",
-        position_m=position_m,
-        covariance_m2=covariance_m2,
-        n_bearings=rows.size,
-        first_detected_s=first_s,
-        last_detected_s=last_s,
-        confirmed_s=None,
-        aperture_rad=0.0,
-        nearest_m=np.inf,
-        level_db=np.nan,
-    )
-
-
-def _count_neighbours(bearing_rad: FloatArray, arc_rad: float) -> IntArray:
-    """Count, for each bearing, the bearings within an arc to either side of it; both have the shape (n,)."""
-    turned_rad = np.mod(bearing_rad, 2 * np.pi)
-    sorted_rad = np.sort(turned_rad)
-    around_rad = np.concatenate([sorted_rad - 2 * np.pi, sorted_rad, sorted_rad + 2 * np.pi])
-    above = np.searchsorted(around_rad, turned_rad + arc_rad, side="left")
-    return above - np.searchsorted(around_rad, turned_rad - arc_rad, side="right")
-
-
-def merge_findings(findings: Iterable[Finding], merge_m: float) -> list[Finding]:
-    """Drop every finding that lies within `merge_m` of a confirmed one, or else of one with a lower id.
-
-    Distances are horizontal. The remaining findings stay in the order of their ids.
-    """
-    distinct: list[Finding] = []
-    for finding in sorted(findings, key=lambda one: (one.state != "confirmed", one.id)):
-        apart_m = [np.linalg.norm((finding.position_m - other.position_m)[:2]) for other in distinct]
-        if not apart_m or min(apart_m) > merge_m:
-            distinct.append(finding)
-    return sorted(distinct, key=lambda one: one.id)
+def choose_evenly(numbers: IntArray, most: int) -> IntArray:
+    """Choose at most `most` of the given numbers (n,), evenly spread (van der Corput sequence, 1935)."""
+    if numbers.size <= most:
+        return numbers
+    n_bits = int(numbers.max()).bit_length()
+    reversed_bits = np.zeros(1, dtype=np.intp)
+    for _ in range(n_bits):
+        reversed_bits = np.concatenate([2 * reversed_bits, 2 * reversed_bits + 1])
+    return numbers[np.sort(np.argpartition(reversed_bits[numbers], most)[:most])]

@@ -50,7 +50,7 @@ class LocatorProtocol(Protocol):
         Args:
             time_s: Time of the pose, relative to any origin; must not decrease from call to call.
             pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
-            pulses: Pulses that are consistent with a single plane wave, with their directions, n_pulses >= 0 rows.
+            pulses: Pulses with their directions, without clipped ones, n_pulses >= 0 rows.
 
         Returns:
             All current findings.
@@ -65,8 +65,8 @@ class LocatorProtocol(Protocol):
         """Associate each pulse with one of the current findings.
 
         Returns:
-            Id of a finding, or a code of `Unassociated`, for each pulse passed to `update`, in that order; shape
-            (n_pulses_so_far,). The mains phases of a finding's pulses are used to classify the discharge.
+            Id of a finding, or 0 for none, for each pulse passed to `update`, in that order; shape (n_pulses_so_far,).
+            The mains phases of a finding's pulses are used to classify the discharge.
         """
         ...
 

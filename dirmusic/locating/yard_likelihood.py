@@ -11,7 +11,7 @@ from dirmusic.array.manifold import TABLE_SIZE
 from dirmusic.array.model import ArrayModel
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.protocol import PoseError
-from dirmusic.locating.pulse_record import pool_pulses
+from dirmusic.locating.pulse_pool import Groups, pool_pulses
 from dirmusic.pulses.batch import PulseBatch
 
 CELL_M = 0.75
@@ -107,24 +107,24 @@ class YardLikelihood:
         bearing_rad = np.mod(pulses.azimuth_rad + pose[:, 2], 2 * np.pi)
         steps = np.column_stack([pose[:, :2] / 0.5, pose[:, 2] / np.radians(10.0), bearing_rad / np.radians(10.0)])
         _, group = np.unique(np.floor(steps), axis=0, return_inverse=True)
-        pulses, pose = pool_pulses(pulses, pose, group.ravel())
-        off_m = self._centres_m - pose[:, np.newaxis, :2]
-        towards_rad = np.arctan2(off_m[..., 1], off_m[..., 0]) - pose[:, 2:]
+        group = group.ravel().astype(np.intp)
+        groups = pool_pulses(pulses, pose, group, group)
+        off_m = self._centres_m - groups.pose[:, np.newaxis, :2]
+        towards_rad = np.arctan2(off_m[..., 1], off_m[..., 0]) - groups.pose[:, 2:]
         steps = np.rint(towards_rad / (2 * np.pi / N_FINE)).astype(np.intp) % N_FINE
-        contribution = np.take_along_axis(self._gains(pulses), steps, axis=1)
+        contribution = np.take_along_axis(self._gains(groups), steps, axis=1)
         self.log_likelihood = self.log_likelihood + contribution.sum(axis=0)
 
-    def _gains(self, pulses: PulseBatch) -> FloatArray:
-        """Tabulate the contribution of each pulse over array azimuth, shape (n_pulses, N_FINE)."""
+    def _gains(self, groups: Groups) -> FloatArray:
+        """Tabulate the contribution of each group over array azimuth, shape (n, N_FINE)."""
         manifold = self._array.manifold
-        usable = pulses.is_usable.astype(np.float64)
-        strengths = pulses.strengths_v * usable
+        usable = groups.is_usable.astype(np.float64)
         towards = manifold.table.gain[:: TABLE_SIZE // N_FINE].T
-        along = np.square(strengths @ towards) / (usable @ np.square(towards))
-        miss = 1.0 - along / np.square(strengths).sum(axis=-1, keepdims=True)
-        gain, slope = manifold.gain_and_slope(pulses.azimuth_rad)
+        along = np.square(groups.strengths @ towards) / (usable @ np.square(towards))
+        miss = 1.0 - along  # strengths have unit norm
+        gain, slope = manifold.gain_and_slope(groups.azimuth_rad)
         turn2 = np.square(perpendicular_slope(gain, slope)).sum(axis=0) / np.square(gain).sum(axis=0)
-        array_rad = manifold_error_std(manifold, pulses.azimuth_rad, self._array.spread)
-        variance_rad2 = np.square(pulses.std_rad) + np.square(array_rad) + self._heading_rad2 + self._blur_rad2
+        array_rad = manifold_error_std(manifold, groups.azimuth_rad, self._array.spread)
+        variance_rad2 = np.square(groups.std_rad) + np.square(array_rad) + self._heading_rad2 + self._blur_rad2
         chi2 = (miss - miss.min(axis=-1, keepdims=True)) / (variance_rad2 * turn2)[:, np.newaxis]
         return np.logaddexp(-0.5 * chi2, -0.5 * OUTLIER_SIGMAS**2) + 0.5 * OUTLIER_SIGMAS**2

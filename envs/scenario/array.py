@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from dirmusic import ArrayModel, ElementSpread, InputFileError
-from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors
-from dirmusic.locating.locator import Learned
+from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors, Learned
 from pdpatrol.envs.scenario.base import Number, as_tuples, error_lines, read_toml
 from pdpatrol.sensing import ArrayConfig, HelicalArray
 from pdpatrol.sensing.quantities import Config

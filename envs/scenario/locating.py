@@ -3,40 +3,35 @@
 from dataclasses import fields
 from math import radians
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, create_model, model_validator
 
 from dirmusic import ESTIMATORS
-from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
+from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.sensing.quantities import PATH_PATTERN, Config, FilePath
 
 BOUNDS = {
-    "deg": (0.0, 360.0),
-    "db": (0.0, 100.0),
-    "m": (0.0, 10_000.0),
-    "s": (0.01, 86_400.0),
-    "rate": (0.0, 1.0),
+    "refit_s": (0.01, 86_400.0),
     "max_pulses": (2, 2000),
-    "initiation_pulses": (2, 10_000),
+    "max_std_deg": (0.0, 360.0),
+    "confirm_probability": (0.0, 1.0),
+    "confirm_aperture_deg": (0.0, 360.0),
+    "confirm_semi_major_m": (0.0, 10_000.0),
+    "confirm_range_m": (0.0, 10_000.0),
+    "merge_m": (0.0, 10_000.0),
 }
-"""Minimum and maximum values of the Locator's rules, by key or by the last word of a key, such as its unit."""
+"""Minimum and maximum values of the rules of the Locator; angles in degrees."""
 
 
 def _optional_rules() -> dict[str, Any]:
     """Define an optional key for each rule of the Locator: its type, its bounds, and None as the default."""
     keys = dict[str, Any]()
-    for rule in (*fields(CredibilityRules), *fields(AssignmentRules), *fields(LocatingRules)):
+    for rule in fields(LocatingRules):
         key = rule.name.replace("_rad", "_deg")
-        if isinstance(rule.default, bool):
-            keys[key] = bool | None, None
-        elif isinstance(rule.default, int):
-            low, high = BOUNDS.get(key, (1, 1_000_000))
-            keys[key] = int | None, Field(default=None, ge=low, le=high)
-        elif isinstance(rule.default, float):
-            low, high = BOUNDS.get(key.rpartition("_")[2], (0.0, 1000.0))
-            keys[key] = float | None, Field(default=None, ge=low, le=high)
+        low, high = BOUNDS[key]
+        keys[key] = type(rule.default) | None, Field(default=None, ge=low, le=high)
     return keys
 
 
@@ -66,9 +61,6 @@ class LocatingConfig(OptionalRules):
     `_rad` there and in `_deg` here.
     """
 
-    solver: Literal["joint", "bearings"] = "joint"
-    """`joint` fits positions to the strengths, jointly with the errors of the array; `bearings` fits them to bearings
-    alone."""
     locator: FilePath | None = None
     """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""
@@ -81,10 +73,9 @@ class LocatingConfig(OptionalRules):
 
     @model_validator(mode="after")
     def _check_use_of_calibration(self) -> Self:
-        if self.calibration is not None and (self.solver != "joint" or self.locator is not None):
+        if self.calibration is not None and self.locator is not None:
             raise ValueError(
-                'calibration: must go with solver = "joint" and the built-in Locator, which alone estimate errors of '
-                "the array"
+                "calibration: must go with the built-in Locator, which alone estimates errors of the array"
             )
         return self
 
@@ -94,6 +85,4 @@ class LocatingConfig(OptionalRules):
             key.replace("_deg", "_rad"): radians(value) if key.endswith("_deg") else value
             for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items()
         }
-        for name, rules in (("credibility", CredibilityRules), ("assignment", AssignmentRules)):
-            given[name] = rules(**{field.name: given.pop(field.name) for field in fields(rules) if field.name in given})
         return LocatingRules(**given)

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.record.log_contents import described_manifold, known_yard, map_of
+from pdpatrol.missions.record.log_contents import array_height_of, described_manifold, known_yard, map_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.robot_models.yard.yard import Yard
@@ -116,7 +116,7 @@ class InspectionLog:
                 map_accuracy_m=map_of(log).accuracy_m,
                 is_field_data="field_data" in log.meta,
                 manifold=described_manifold(log.meta["array"]),
-                array_height_m=float(np.mean(log.meta["array"]["positions_m"], axis=0)[2]),
+                array_height_m=array_height_of(log),
                 pose=log.column("step", "pose"),
                 time_s=log.column("step", "time_s"),
                 pulses=pulses,

@@ -8,9 +8,9 @@ import pandas as pd
 from statsmodels.duration.survfunc import SurvfuncRight
 
 from dirmusic.arrays import BoolArray, FloatArray
-from dirmusic.locating.rules import AssignmentRules, CredibilityRules
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding
+from pdpatrol.missions.record.finding_pulses import loss_db
 from pdpatrol.sensing.radio.transmission import Sight
 
 # The sensitivities below were measured for weak sources in synthetic surveys, where half of the pulses sent from 9 m
@@ -20,13 +20,17 @@ NEAR_M = 10.0
 """Largest distance at which pulses are used. Measured: reflections bias the level by up to 1 dB within 10 m and by up
 to 4 dB beyond 15 m. Without reflections, levels change by less than 0.4 dB between 7 and 20 m."""
 
+DEPTH_M, CLEAR_TRANSMISSION = 1.1, 10 ** (-3.0 / 20.0)
+"""Depth in front of a position within which equipment is ignored, and least transmission of the direct path. Assumed; a
+loss of up to 3 dB leaves the direct path the strongest one."""
+
 SQUARE_M = 1.0
 """Side of the squares of ground within which all pulses fade alike. Assumed; levels change by less than 0.8 dB between
 0.5 and 2 m, and their standard deviation by a factor of 0.6 to 3."""
 
-FLOOR_RATIO = 2.0
-"""Ratio of the strength above which all pulses are detected to the weakest strength with a valid bearing. Assumed;
-levels change by less than 0.5 dB at 1.5, and by 1 dB at 3, where too few pulses remain."""
+COMPLETE_STD_RAD = np.radians(6.0)
+"""Standard deviation of a bearing by noise, below which all pulses are strong enough to be detected and associated.
+Assumed; levels change by less than 0.5 dB at 8 degrees, and by 1 dB at 4, where too few pulses remain."""
 
 CLIPPED_SHARE = 0.05
 """Share of clipped pulses above which a square is not used, because locating discards clipped pulses. Assumed; a source
@@ -47,7 +51,8 @@ class SourceLevel(NamedTuple):
     """Level and rate of a discharge in one inspection.
 
     Attributes:
-        level_db: Strength of the pulses at 1 m, dB relative to 1 V, interquartile mean.
+        level_db: Strength of the pulses at 1 m, dB relative to 1 V, interquartile mean. Close to the median, the level
+            of a `Finding`, but from comparable pulses only: near, in sight, and above the trigger in all inspections.
         level_std_db: Standard deviation of the level due to fading and the errors of position and array gains.
         log_rate: Natural logarithm of the pulses per second; per pose for field data, whose waiting time is unknown.
         log_rate_std: Standard deviation of `log_rate`.
@@ -61,21 +66,6 @@ class SourceLevel(NamedTuple):
     n_pulses: int
 
 
-def loss_db(inspection: InspectionLog, position_m: FloatArray, pose: FloatArray) -> FloatArray:
-    """Compute the loss of strength due to distance and array gain, relative to 1 m.
-
-    Args:
-        inspection: Inspection made with the array.
-        position_m: Position of the source, world frame, shape (3,).
-        pose: Poses of the robot, shape (n, 3).
-    """
-    x, y, z = (position_m - _array_positions_m(inspection, pose)).T
-    distance_m = np.hypot(x, y)
-    off_rad = (np.arctan2(y, x) - pose[:, 2])[:, np.newaxis] - inspection.manifold.boresights_rad
-    gain = inspection.manifold.response_in_space(off_rad, np.arctan2(z, distance_m)[:, np.newaxis]).gain
-    return 20 * np.log10(np.hypot(distance_m, z) / np.linalg.norm(gain, axis=-1))
-
-
 def _array_positions_m(inspection: InspectionLog, pose: FloatArray) -> FloatArray:
     return np.column_stack([pose[:, :2], np.full(len(pose), inspection.array_height_m)])
 
@@ -85,8 +75,8 @@ def floor_db(inspection: InspectionLog) -> float:
     strength_v, std_rad = inspection.pulses[["strength_v", "std_rad"]].to_numpy().T
     if np.isnan(std_rad).all():
         return np.inf
-    weakest_v = np.nanmedian(std_rad * strength_v) / CredibilityRules().max_std_rad
-    return 20 * float(np.log10(max(FLOOR_RATIO * weakest_v, np.quantile(strength_v, 0.01))))
+    complete_v = np.nanmedian(std_rad * strength_v) / COMPLETE_STD_RAD
+    return 20 * float(np.log10(max(complete_v, np.quantile(strength_v, 0.01))))
 
 
 def steps_near(inspection: InspectionLog, position_m: FloatArray) -> pd.DataFrame:
@@ -101,15 +91,13 @@ def steps_near(inspection: InspectionLog, position_m: FloatArray) -> pd.DataFram
     away_m = pose[:, :2] - position_m[:2]
     is_near = np.linalg.norm(away_m, axis=-1) <= NEAR_M
     if inspection.yard is not None:
-        rules, sight = AssignmentRules(), Sight(surroundings_of(inspection.yard))
-        depth_m = rules.surface_depth_m + rules.edge_margin_m
-        transmitted = sight(_array_positions_m(inspection, pose), position_m, depth_m)
-        is_near &= transmitted >= 10 ** (-rules.clear_loss_db / 20)
+        sight = Sight(surroundings_of(inspection.yard))
+        is_near &= sight(_array_positions_m(inspection, pose), position_m, DEPTH_M) >= CLEAR_TRANSMISSION
     steps = pd.DataFrame(
         {
             "duration_s": 1.0 if inspection.is_field_data else duration_s,
             "aspect_rad": np.arctan2(away_m[:, 1], away_m[:, 0]),
-            "loss_db": loss_db(inspection, position_m, pose),
+            "loss_db": loss_db(inspection.manifold, inspection.array_height_m, position_m, pose),
         }
     )[is_near]
     squares = np.floor(pose[is_near, :2] / SQUARE_M).T
@@ -127,7 +115,7 @@ def source_level(inspection: InspectionLog, finding: LocatedFinding) -> SourceLe
     level_db = 20 * np.log10(pulses["strength_v"]) + pulses["loss_db"]
     pulses = pulses.assign(level_db=level_db, least_db=floor_db(inspection) + pulses["loss_db"])
     pulses = pulses[pulses["level_db"] >= pulses["least_db"]]
-    if len(pulses) < 20:  # the number that confirms a finding
+    if len(pulses) < 20:  # assumed; fewer give no reliable quantiles
         return None
     spent_s = near.groupby("square")["duration_s"].sum()
     squares = spent_s.index.to_list()
@@ -199,6 +187,9 @@ def _position_std_db(inspection: InspectionLog, finding: LocatedFinding, pose: F
     """Return the standard deviation of the level due to the position error, from shifts along the ellipsoid's axes."""
     variances, axes = np.linalg.eigh(finding.covariance_m2)
     shifts_m = (np.sqrt(np.maximum(variances, 0.0)) * axes).T
-    here = loss_db(inspection, finding.position_m, pose)
-    changes_db = [np.mean(loss_db(inspection, finding.position_m + shift_m, pose) - here) for shift_m in shifts_m]
+    here, *shifted = (
+        loss_db(inspection.manifold, inspection.array_height_m, finding.position_m + shift_m, pose)
+        for shift_m in (np.zeros(3), *shifts_m)
+    )
+    changes_db = [np.mean(each - here) for each in shifted]
     return float(np.linalg.norm(changes_db))

@@ -15,11 +15,10 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.rules import AssignmentRules
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing.radio.transmission import Sight
+from pdpatrol.sensing.radio.transmission import MIN_TRANSMISSION, Sight
 
 CELL_M = 0.25
 """Grid spacing. Assumed; about the radius of a robot."""
@@ -30,9 +29,6 @@ MARGIN_M = 0.15
 COMFORT_M = 0.8
 """Clearance below which ground costs up to twice as much. Assumed; keeps paths away from equipment where there is
 space."""
-
-MIN_TRANSMISSION = 10 ** (-AssignmentRules().sight_loss_db / 20)
-"""Amplitude transmitted along the direct path at which a target still counts as in line of sight, as in locating."""
 
 _MOVES = ((1, 0), (0, 1), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 """Moves between cells, along x and y; each is also used in reverse. With these sixteen directions, paths are 1.4 % too

@@ -11,7 +11,6 @@ import pandas as pd
 from pyproj import Proj
 
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.association import Unassociated
 from dirmusic.locating.finding import outline95
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.atomic_file import atomic_file
@@ -81,6 +80,7 @@ def longitude_latitude(places_m: FloatArray, reference: GeoreferenceConfig) -> F
 FINDING_COLUMNS = {
     "id": "id",
     "state": "state",
+    "existence": "existence",
     "site": "sites.0.name",
     "site_probability": "sites.0.probability",
     "kind": "discharge.kind",
@@ -140,9 +140,8 @@ def _pulses(log: MissionLog) -> pd.DataFrame:
     pulse, association = log.table("pulse"), log.table("association")
     columns: dict[str, Any] = {"step": pulse["step"], "time_s": log.column("step", "time_s")[pulse["step"]]}
     columns |= {f"strength_{k + 1}_v": volts for k, volts in enumerate(pulse["strengths_v"].T)}
-    columns |= {name: pulse[name] for name in ("mains_phase_rad", "is_clipped", "is_credible")}
+    columns |= {name: pulse[name] for name in ("mains_phase_rad", "is_clipped", "is_used")}
     pulses = pd.DataFrame(columns).join(pd.DataFrame(log.table("bearing")).set_index("pulse"))
     finding = pd.Series(association["finding"], association["pulse"])
     pulses["finding"] = finding[finding > 0].astype("Int64")
-    pulses["fate"] = finding.map({code: code.name.lower() for code in Unassociated})
     return pulses

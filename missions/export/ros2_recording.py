@@ -176,7 +176,7 @@ def _yard_markers(meta: Mapping[str, Any], header: Content) -> list[Content]:
 
 
 def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
-    """Return point, name and 95 % ellipse of a finding; nothing for multipath ghosts and dropped findings."""
+    """Return point, name and 95 % ellipse of a finding; nothing for dropped findings."""
     number, colour, place_m = row["id"], COLOURS.get(row["state"]), row["position_m"]
     if colour is None:
         return []

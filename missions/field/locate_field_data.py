@@ -31,16 +31,8 @@ from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 
-FIELD_RULES = LocatingRules(
-    initiation_s=np.inf,
-    initiation_pulses=4,
-    initiation_by_crossing=True,
-    confirm_range_m=np.inf,
-    confirm_pulses=10,
-    refit_s=np.inf,
-)
-"""Rules for data recorded by people. Assumed; minutes may pass between poses, each pose gives few pulses, and nobody
-can be sent nearer. Lines of sight must still cross at an angle, and the ellipse must be small."""
+FIELD_RULES = LocatingRules(refit_s=np.inf)
+"""Rules for data recorded by people, which are refitted when `locate_field_data` decides."""
 
 
 def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
@@ -98,7 +90,7 @@ def locate_field_data(
     )
     log = MissionLog(_meta(data, array, survey))
     locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=FIELD_RULES)
-    tracker = Tracker(log, locator, array, pose_error, maximum_likelihood, FIELD_RULES.credibility)
+    tracker = Tracker(log, locator, array, pose_error, FIELD_RULES.max_std_rad)
     with threadpool_limits(limits=1):
         pulses, suspects = ChannelMonitor(array, maximum_likelihood).watch(data.pulses)
         for note in data.notes:
@@ -128,13 +120,18 @@ def locate_field_data(
                 due_s = time_s + max(1.0, 0.02 * (time_s - data.time_s[0]))
             progress(1.0 / data.time_s.size)
     if pulses.n_pulses and not log.n_rows("bearing"):
-        n_weak = np.count_nonzero(pulses.std_rad >= FIELD_RULES.credibility.max_std_rad)
+        n_clipped = np.count_nonzero(pulses.is_overdriven)
         log.event(
             "rejected",
-            f"all {pulses.n_pulses} pulses were rejected: {n_weak} too weak for the noise (deviations, volts?), the "
-            "others not a plane wave from one direction (boresights, pattern, order of channels?)",
+            f"all {pulses.n_pulses} pulses were rejected: {n_clipped} clipped, the others too weak for the noise "
+            "(deviations, volts?)",
         )
     tracker.finish(data.path.name, None, calibration)
+    if (n_used := log.n_rows("bearing")) and not log.column("association", "finding").any():
+        text = (
+            f"no finding explains any of {n_used} pulses: few poses, or wrong boresights, pattern or order of channels?"
+        )
+        log.event("note", text)
     log.event("end", "survey over: all rows read", subject="all rows read")
     return log
 

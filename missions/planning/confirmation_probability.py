@@ -44,10 +44,10 @@ the ground wave, errors of the pattern. Assumed; matters only where levels are w
 WINDOW_S = 5.0
 """Time for which errors are shared and an observation counts once, as in the Locator."""
 
-EVIDENCE, NEEDED = 2.9, 16.8
+EVIDENCE, NEEDED = 2.9, 18.4
 """Log odds from a window with a detection, and their sum that confirms. From the Locator's model: a wandering wave
 changes its bearing by 40 degrees and its level by 12 dB, a discharge by 2.6 degrees and 4 dB; the sum is 12 for the fit
-of position and level, 1.8 for the level, and 3 for the odds. Six windows are needed."""
+of position and level, 1.8 for the level, and 4.6 for the odds. Seven windows are needed."""
 
 OFF = 0.1
 """Share of windows in which a discharge may be off, as in the Locator."""

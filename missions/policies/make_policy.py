@@ -61,6 +61,7 @@ class Oracle(CollisionGuard):
                 state="candidate",
                 position_m=position,
                 covariance_m2=np.eye(3) * 1e-4,
+                existence=1.0,
                 n_bearings=0,
                 first_detected_s=0.0,
                 last_detected_s=time_of(observation, site_map),

@@ -13,7 +13,6 @@ EventKind = Literal[
     "candidate",
     "confirmed",
     "outside",
-    "ghost",
     "dropped",
     "note",
     "rejected",

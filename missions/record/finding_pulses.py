@@ -8,11 +8,11 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from dirmusic.angles import wrap
+from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.pulses.mains_offset import mains_offset_hz
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
-from pdpatrol.missions.record.log_contents import described_manifold
+from pdpatrol.missions.record.log_contents import array_height_of, described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
 
 LEVEL_WINDOW_PULSES = 41
@@ -27,7 +27,8 @@ class FindingPulses(NamedTuple):
         pulse: Rows of the log's table `pulse`, shape (n,).
         time_s: End of the step of each pulse, shape (n,).
         range_m: Horizontal distance to the last position of the finding, shape (n,).
-        level_db: Strength corrected for range and gain, decibels relative to one volt at 1 m, shape (n,).
+        level_db: Strength corrected for distance and gain, decibels relative to one volt at 1 m, shape (n,). The map is
+            not used: pulses out of sight have a lower level.
         phase_rad: Phase of the receiver's mains, shape (n,), in (-pi, pi]; NaN if unknown.
     """
 
@@ -42,27 +43,44 @@ class FindingPulses(NamedTuple):
         return FindingPulses._make(column[rows] for column in self)
 
 
+def loss_db(manifold: GainManifold, array_height_m: float, position_m: FloatArray, pose: FloatArray) -> FloatArray:
+    """Compute the loss of strength due to distance and array gain, relative to 1 m, decibels, shape (n,).
+
+    Args:
+        manifold: Manifold of the array.
+        array_height_m: Height of the array above the ground.
+        position_m: Position of the source, world frame, shape (3,).
+        pose: Poses of the robot, shape (n, 3).
+    """
+    x, y = (position_m[:2] - pose[:, :2]).T
+    distance_m, rise_m = np.maximum(np.hypot(x, y), 0.1), position_m[2] - array_height_m  # about the size of the array
+    off_rad = (np.arctan2(y, x) - pose[:, 2])[:, np.newaxis] - manifold.boresights_rad
+    gain = manifold.response_in_space(off_rad, np.arctan2(rise_m, distance_m)[:, np.newaxis]).gain
+    return 20 * np.log10(np.hypot(distance_m, rise_m) / np.linalg.norm(gain, axis=-1))
+
+
 def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
     """Return the pulses of each finding by its id; empty for a killed mission, which has no association.
 
     Pulses from directions in which the array has no gain have no level and are omitted.
     """
-    table, association, azimuth = log.table("finding"), log.table("association"), log.column("bearing", "azimuth_rad")
+    table, association = log.table("finding"), log.table("association")
     pulse, step, manifold = log.table("pulse"), log.table("step"), described_manifold(log.meta["array"])
     found: dict[int, FindingPulses] = {}
     for number in np.unique(association["finding"][association["finding"] > 0]).tolist():
-        own = association["finding"] == number  # association and bearing have the same rows
-        rows = association["pulse"][own]
-        at = pulse["step"][rows]
-        position_m = table["position_m"][table["id"] == number][-1]
-        offset_m = position_m[:2] - step["pose"][at, :2]
-        range_m = np.maximum(np.linalg.norm(offset_m, axis=-1), 0.1)  # about the size of the array
-        chunks = np.array_split(azimuth[own], 1 + rows.size // 10_000)  # half a kilobyte per pulse
-        gain = np.concatenate([np.linalg.norm(manifold.gain(chunk), axis=0) for chunk in chunks])
+        rows = association["pulse"][association["finding"] == number]
+        steps, at = np.unique(pulse["step"][rows], return_inverse=True)
+        position_m, pose = table["position_m"][table["id"] == number][-1], step["pose"][steps]
         strength_v = np.linalg.norm(pulse["strengths_v"][rows], axis=-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level_db = 20 * np.log10(strength_v / gain * range_m)
-        pulses = FindingPulses(rows, step["time_s"][at], range_m, level_db, wrap(pulse["mains_phase_rad"][rows]))
+        with np.errstate(divide="ignore"):
+            level_db = 20 * np.log10(strength_v) + loss_db(manifold, array_height_of(log), position_m, pose)[at]
+        pulses = FindingPulses(
+            pulse=rows,
+            time_s=step["time_s"][steps][at],
+            range_m=np.linalg.norm(position_m[:2] - pose[:, :2], axis=-1)[at],
+            level_db=level_db,
+            phase_rad=wrap(pulse["mains_phase_rad"][rows]),
+        )
         found[number] = pulses.take(np.isfinite(level_db))
     return found
 
@@ -85,7 +103,7 @@ def phase_patterns(log: MissionLog) -> tuple[dict[int, tuple[FindingPulses, Phas
     for number, own in found.items():
         if own.time_s.size:
             usual_db = median_filter(own.level_db, size=LEVEL_WINDOW_PULSES, mode="nearest")
-            level_db = own.level_db + np.quantile(usual_db, LEVEL_QUANTILE) - usual_db
+            level_db = own.level_db + np.median(usual_db) - usual_db
             phase_rad = wrap(own.phase_rad + 2 * np.pi * offset_hz * own.time_s)
             own = own._replace(level_db=level_db, phase_rad=phase_rad)
             patterns[number] = own, classify(own.phase_rad, own.level_db)

@@ -38,6 +38,11 @@ def described_manifold(description: Mapping[str, Any]) -> GainManifold:
     )
 
 
+def array_height_of(log: MissionLog) -> float:
+    """Return the mean height of the elements of the array above the ground, metres."""
+    return float(np.mean(log.meta["array"]["positions_m"], axis=0)[2])
+
+
 def grid_of(meta: Mapping[str, Any]) -> Grid:
     """Return the grid of a log's table `likelihood`, which covers the bounds of the yard."""
     return Grid.over(*np.array(meta["bounds_m"], dtype=np.float64))

@@ -20,7 +20,7 @@ from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.events import EventKind
 
-SCHEMA = 6
+SCHEMA = 7
 
 TABLES: dict[str, dict[str, str]] = {
     "step": {
@@ -38,7 +38,7 @@ TABLES: dict[str, dict[str, str]] = {
         "strengths_v": "(0,)f8",  # one value per element
         "mains_phase_rad": "f8",
         "is_clipped": "?",  # exceeded the ADC's full scale; not used for locating
-        "is_credible": "?",  # consistent with a single plane wave
+        "is_used": "?",  # used for locating: not clipped, and with a direction
     },
     "bearing": {
         "pulse": "i8",  # row in the pulse table
@@ -63,19 +63,21 @@ TABLES: dict[str, dict[str, str]] = {
         "id": "i8",
         "position_m": "3f8",
         "covariance_m2": "(3,3)f8",
-        "state": "U",  # candidate, confirmed, outside, ghost; dropped once when it is removed
+        "state": "U",  # candidate, confirmed, outside; dropped once when it is removed
+        "existence": "f8",  # probability that a source exists there
         "n_bearings": "i8",
         "first_detected_s": "f8",
         "confirmed_s": "f8",  # time of the first confirmation; NaN before
         "aperture_rad": "f8",  # angle between the outermost lines of sight, seen from the finding
+        "level_db": "f8",  # median level of its pulses, dB relative to 1 V at 1 m; NaN until detected in sight
     },
-    "likelihood": {  # likelihood over the yard by all credible pulses so far
+    "likelihood": {  # likelihood over the yard by all used pulses so far
         "step": "i8",
         "log_likelihood": "(0,)f4",  # one value per cell of `log_contents.grid_of`
     },
     "association": {  # written at the end; empty for a killed mission
         "pulse": "i8",  # row in the pulse table
-        "finding": "i8",  # id, or a code of `dirmusic.locating.association.Unassociated`
+        "finding": "i8",  # id; 0 for none
     },
     "event": {
         "step": "i8",

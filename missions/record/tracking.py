@@ -1,26 +1,26 @@
-"""Tracker: passes credible pulses to the Locator and logs its findings, in missions and for field data."""
+"""Tracker: passes usable pulses to the Locator and logs its findings, in missions and for field data."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 import numpy as np
 
-from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
+from dirmusic import ArrayModel, Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.bearing.elevation import total_std
-from dirmusic.locating.association import Unassociated
+from dirmusic.frame import FrameEstimate
 from dirmusic.locating.finding import State
-from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol, PoseError
-from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration
 from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
+from pdpatrol.missions.record.which_site import percent
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
@@ -30,9 +30,10 @@ then the robot is elsewhere, and a survey of several days does not need one for 
 
 
 class Tracker:
-    """Adapter that passes credible pulses, those consistent with a single plane wave, to a Locator.
+    """Adapter that passes usable pulses to a Locator: those with a direction, and without clipped channels.
 
-    No other code calls the Locator.
+    No other code calls the Locator. The covariances of its findings are those of positions in the frame of the poses;
+    the tracker adds the error of that frame against the map.
 
     Pulses, bearings, findings and their new states are logged in the last step of the log.
 
@@ -41,11 +42,10 @@ class Tracker:
         locator: Locator that makes findings from pulses.
         array: Data sheet and spread of the array.
         pose_error: Error of the poses.
-        estimator: Estimator of the bearings.
-        rules: Rules for credible pulses.
+        max_std_rad: Largest standard deviation of a direction that is used.
 
     Attributes:
-        findings: Findings so far.
+        findings: Findings so far, on the map.
 
     Raises:
         UserCodeError: In any call, if a user's Locator raises an exception or breaks the contract.
@@ -57,36 +57,35 @@ class Tracker:
         locator: LocatorProtocol,
         array: ArrayModel,
         pose_error: PoseError,
-        estimator: BearingEstimator,
-        rules: CredibilityRules,
+        max_std_rad: float,
     ) -> None:
         self.findings: tuple[Finding, ...] = ()
         self._log = log
         self._locator = locator
         self._built_in = locator if type(locator) is Locator else None
         self._array = array
-        self._method_deviation = MethodDeviation(estimator, array)
-        self._rules = rules
+        self._max_std_rad = max_std_rad
+        self._frame: FrameEstimate | None = None
         self._heading_std_rad = pose_error.heading_rad
         self._likelihood = YardLikelihood(array, pose_error, grid_of(log.meta))
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
 
-    def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
+    def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch, frame: FrameEstimate | None = None) -> None:
         """Locate with the pulses of one step.
 
         Args:
             time_s: Time of the step.
             pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
             pulses: Pulses with their directions.
+            frame: Error of the frame of the poses against the map; None without a map.
         """
-        credible = np.empty(0, dtype=np.bool_)
-        if pulses.n_pulses:
-            credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
-        accepted, first = pulses if credible.all() else pulses.take(credible), self._log.n_rows("pulse")
+        self._frame = frame
         is_clipped = pulses.is_overdriven
+        is_used = ~is_clipped & (pulses.std_rad < self._max_std_rad)
+        used, first = pulses if is_used.all() else pulses.take(is_used), self._log.n_rows("pulse")
         with self._calling(FINDINGS):
-            findings = self._locator.update(time_s, pose.copy(), accepted)
+            findings = self._locator.update(time_s, pose.copy(), used)
         if is_clipped.any():
             self._log_once("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
         self._log.extend(
@@ -95,20 +94,20 @@ class Tracker:
             strengths_v=pulses.strengths_v,
             mains_phase_rad=pulses.mains_phase_rad,
             is_clipped=is_clipped,
-            is_credible=credible,
+            is_used=is_used,
         )
         self._log.extend(
             "bearing",
-            pulse=first + np.flatnonzero(credible),
-            azimuth_rad=accepted.azimuth_rad,
-            bearing_rad=wrap(accepted.azimuth_rad + pose[2]),
-            std_rad=accepted.std_rad,
-            total_std_rad=np.hypot(total_std(accepted, self._array), self._heading_std_rad),
-            elevation_rad=accepted.elevation_rad,
+            pulse=first + np.flatnonzero(is_used),
+            azimuth_rad=used.azimuth_rad,
+            bearing_rad=wrap(used.azimuth_rad + pose[2]),
+            std_rad=used.std_rad,
+            total_std_rad=np.hypot(total_std(used, self._array), self._heading_std_rad),
+            elevation_rad=used.elevation_rad,
         )
         self._update_findings(findings)
-        if accepted.n_pulses:
-            self._pending.append((accepted, pose))
+        if used.n_pulses:
+            self._pending.append((used, pose))
         if self._pending and time_s >= self._next_likelihood_s:
             tracked_s = time_s - self._log.column("step", "time_s", 0, 1).item()
             self._next_likelihood_s = time_s + max(LIKELIHOOD_S, LIKELIHOOD_SHARE * tracked_s)
@@ -124,7 +123,7 @@ class Tracker:
         self._update_findings(findings)
 
     def finish(self, mission: str, serial_number: int | None, before: ArrayCalibration | None) -> None:
-        """Log at the end which finding each credible pulse belongs to, the likelihood, and the array's calibration.
+        """Log at the end which finding each used pulse belongs to, the likelihood, and the array's calibration.
 
         No calibration is logged without new information on the array, or for a user's Locator.
 
@@ -133,8 +132,8 @@ class Tracker:
             serial_number: Serial number of the array.
             before: Calibration that the mission started with.
         """
-        credible = self._log.column("bearing", "pulse")
-        self._log.extend("association", pulse=credible, finding=self._association(credible.size))
+        used = self._log.column("bearing", "pulse")
+        self._log.extend("association", pulse=used, finding=self._association(used.size))
         if self._log.n_rows("step"):
             self._log_likelihood()
         learned = self._built_in and self._built_in.learned()
@@ -153,7 +152,7 @@ class Tracker:
 
     def _association(self, n_pulses: int) -> IntArray:
         """Return the finding of each of the first pulses that the Locator was given, shape (n_pulses,)."""
-        known = [*(finding.id for finding in self.findings), *Unassociated]
+        known = [0, *(finding.id for finding in self.findings)]
         expected = f"an integer for each of {n_pulses} pulses, of {', '.join(map(str, known))}"
         with self._calling(expected):
             association = np.asarray(self._locator.association())
@@ -179,11 +178,20 @@ class Tracker:
             self._pending = []
         self._log.append("likelihood", step=self._log.last_step, log_likelihood=self._likelihood.log_likelihood)
 
+    def _on_map(self, finding: Finding) -> Finding:
+        """Return a finding with the error of the frame in its covariance."""
+        if self._frame is None:
+            return finding
+        covariance_m2 = finding.covariance_m2.copy()
+        covariance_m2[:2, :2] += self._frame.covariance_at(finding.position_m[:2])
+        return replace(finding, covariance_m2=covariance_m2)
+
     def _update_findings(self, findings: tuple[Finding, ...]) -> None:
         """Check findings, log all if they have changed, and each new state as an event."""
         is_tuple = isinstance(findings, tuple) and all(isinstance(finding, Finding) for finding in findings)
         if not is_tuple or len({finding.id for finding in findings}) < len(findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
+        findings = tuple(self._on_map(finding) for finding in findings)
         if findings == self.findings:
             return
         before = {finding.id: finding for finding in self.findings}
@@ -194,7 +202,8 @@ class Tracker:
                 self._log.event(finding.state, _state_text(finding, was and was.state), finding.id)
         for gone in before.values():
             noun = "finding" if gone.state == "confirmed" else "candidate"
-            self._log.event("dropped", f"{noun} {gone.id} was not a separate source", gone.id)
+            text = f"{noun} {gone.id} was multipath, interference, or part of another source"
+            self._log.event("dropped", text, gone.id)
         logged = [*((finding, finding.state) for finding in findings), *((gone, "dropped") for gone in before.values())]
         for finding, state in logged:
             values = {name: value for name, value in vars(finding).items() if name in TABLES["finding"]}
@@ -206,15 +215,16 @@ def _state_text(finding: Finding, was: State | None) -> str:
     x, y, z = finding.position_m
     match finding.state, was:
         case "confirmed", _:
-            return f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m"
+            return (
+                f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m, "
+                f"probability {percent(finding.existence)}"
+            )
         case "candidate", "confirmed":
             return f"finding {finding.id} is in doubt: a candidate again, near ({x:.1f}, {y:.1f}) m"
         case "candidate", None:
             words = "towards"
         case "candidate", _:
             words = "may be a source after all, near"
-        case "ghost", _:
-            words = "is a multipath ghost near"
         case _:
             words = "seems to lie beyond the fence, near"
     return f"candidate {finding.id} {words} ({x:.1f}, {y:.1f}) m"

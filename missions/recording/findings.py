@@ -11,6 +11,7 @@ from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.recording.scene import LogBin, at_steps, labels_3d, set_step
 from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.missions.report.records import Report
@@ -20,7 +21,6 @@ COLOURS = {
     "candidate": 0xFFB228FF,
     "confirmed": 0x3CDC6EFF,
     "outside": 0x9696A0FF,
-    "ghost": 0xAA7878FF,
 }
 """Colours of findings by state."""
 
@@ -51,7 +51,8 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
         stream.log(path, rr.Clear(recursive=True))
         return
     position_m, covariance_m2 = finding["position_m"], finding["covariance_m2"][:2, :2]
-    stream.log(path, labels_3d({name_of(state, number): position_m}, 0.2, COLOURS[state]))
+    label = f"{name_of(state, number)}: exists {percent(finding['existence'])}"
+    stream.log(path, labels_3d({label: position_m}, 0.2, COLOURS[state]))
     semi_major_m = ellipse95(covariance_m2).semi_major_m
     outline_m = np.column_stack([outline95(position_m[:2], covariance_m2, 33), np.full(33, 0.1)])
     lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger ellipse would hide the yard
@@ -121,10 +122,12 @@ def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:
     """Draw the outcome of a mission and the sites of its findings."""
     subject = "Mission" if report.policy else "Survey"
     lines = [f"### {subject} over after {report.sim_time_s:.0f} s: {report.ending or 'killed'}", ""]
-    lines += ["| | site | kind | 95 % within |", "|---|---|---|---|"] if report.findings else ["No findings."]
+    header = ["| | site | kind | 95 % within | exists |", "|---|---|---|---|---|"]
+    lines += header if report.findings else ["No findings."]
     for finding in report.findings:
         name, site = name_of(finding.state, finding.id), site_text(finding)
-        lines.append(f"| **{name}** | {site} | {kind_text(finding)} | {finding.ellipse95.semi_major_m:.2f} m |")
+        size, exists = f"{finding.ellipse95.semi_major_m:.2f} m", percent(finding.existence)
+        lines.append(f"| **{name}** | {site} | {kind_text(finding)} | {size} | {exists} |")
         label = f"{name}: {site}" if finding.sites else name
         marker = labels_3d({label: finding.position_m}, 0.2, COLOURS[finding.state])
         stream.log(f"world/findings/{finding.id}", marker)

@@ -39,7 +39,7 @@ WEAKER_DB = 6.0
 """Level below that expected of a discharge from which a pulse cannot come from it. Assumed; 1.5 times the spread."""
 
 STRONG_DB = 6.0
-"""Level over the trigger from which a pulse should be consistent with a plane wave, whatever the noise. Assumed."""
+"""Level over the trigger from which a pulse should have a usable direction, whatever the noise. Assumed."""
 
 APART_M = 2.0
 """Horizontal distance from a finding within which a site is not judged: a second discharge there may be merged with the
@@ -60,7 +60,7 @@ class Pulses(NamedTuple):
         is_open: True for pulses that may come from a site: they belong to no confirmed finding and none beyond the
             fence, and do not come from the direction of one, shape (n,).
         has_direction: True for those that come from a site only if they point at it, shape (n,).
-        usable: Share of the strong pulses that are consistent with a plane wave.
+        usable: Share of the strong pulses that the Locator uses.
     """
 
     row: IntArray
@@ -172,7 +172,7 @@ def _pulses(
     is_strong = level_db >= model.trigger_db + STRONG_DB
     if 2 * is_open[is_strong].sum() > is_strong.sum():  # most belong to no finding, so bearings may be wrong
         has_direction[:] = False
-    n_strong, n_good = int(is_strong.sum()), int((is_strong & pulse["is_credible"]).sum())
+    n_strong, n_good = int(is_strong.sum()), int((is_strong & pulse["is_used"]).sum())
     return Pulses(row, bearing_rad, level_db, is_open, has_direction, (n_good + 9) / (n_strong + 10))
 
 

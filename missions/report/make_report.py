@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.locating.association import Unassociated
-from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
 from dirmusic.pulses.phase_resolved import PhasePattern
 from pdpatrol.missions.driving.site_map import distances_along
@@ -78,12 +76,14 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
 
 def count_pulses(log: MissionLog) -> PulseCounts:
     """Count the pulses of a mission by association; a killed mission has no associations."""
-    owner, n_detected = log.column("association", "finding"), log.n_rows("pulse")
-    n_rejected = n_detected - int(log.column("pulse", "is_credible").sum())
-    is_known = owner.size > 0 or n_rejected == n_detected
-    counts = {code.name.lower(): int((owner == code).sum()) if is_known else None for code in Unassociated}
-    of_findings = int((owner > 0).sum()) if is_known else None
-    return PulseCounts(detected=n_detected, not_credible=n_rejected, of_findings=of_findings, **counts)
+    owner, n_detected, n_used = log.column("association", "finding"), log.n_rows("pulse"), log.n_rows("bearing")
+    is_known = owner.size == n_used
+    return PulseCounts(
+        detected=n_detected,
+        rejected=n_detected - n_used,
+        of_findings=int((owner > 0).sum()) if is_known else None,
+        unexplained=int((owner == 0).sum()) if is_known else None,
+    )
 
 
 def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[Any]]:
@@ -128,10 +128,10 @@ def _findings(
             places = site_probabilities(yard, position_m, covariance_m2, map_of(log).accuracy_m)
         places_of[number] = places
         aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
-        strength = None
+        level_db, strength = float(finding.pop("level_db")), None
         if number in pulses and pulses[number].time_s.size:
             # in field data, all pulses received at one place have the same time
-            strength = _strength(pulses[number], aperture_deg, has_rate="field_data" not in log.meta)
+            strength = _strength(pulses[number], level_db, aperture_deg, has_rate="field_data" not in log.meta)
         shown = {
             "position_m": position_m.tolist(),
             "position_std_m": np.sqrt(np.diag(covariance_m2)).tolist(),
@@ -146,12 +146,12 @@ def _findings(
     return found, places_of
 
 
-def _strength(pulses: FindingPulses, aperture_deg: float, *, has_rate: bool) -> Strength:
-    """Summarise the pulses of a finding, which has at least one."""
+def _strength(pulses: FindingPulses, level_db: float, aperture_deg: float, *, has_rate: bool) -> Strength:
+    """Summarise the pulses of a finding, which has at least one; its level is that of the Locator."""
     duration_s = np.unique(np.floor(pulses.time_s)).size
-    low_db, high_db, level_db = np.quantile(pulses.level_db, [0.1, 0.9, LEVEL_QUANTILE]).tolist()
+    low_db, high_db = np.quantile(pulses.level_db, [0.1, 0.9]).tolist()
     return Strength(
-        level_db=level_db,
+        level_db=level_db if np.isfinite(level_db) else None,
         low_db=low_db,
         high_db=high_db,
         n_pulses=pulses.time_s.size,

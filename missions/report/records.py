@@ -43,24 +43,16 @@ class Waypoints(ReportPart):
 
 
 class PulseCounts(ReportPart):
-    """Classification of the pulses; all but the first two are null if the mission was killed."""
+    """Classification of the pulses; the last two are null if the mission was killed."""
 
     detected: Count
     """Pulses that triggered the receiver; the sum of the other fields."""
-    not_credible: Count
-    """Not consistent with a single plane wave, or too weak for a bearing."""
+    rejected: Count
+    """Clipped, or without a usable direction; not used."""
     of_findings: Count | None
     """Associated with findings and candidates."""
-    unassigned: Count | None
-    """Not consistent with any finding."""
-    ambiguous: Count | None
-    """Consistent with several findings."""
-    biased: Count | None
-    """From a finding, but with a bearing biased by reflections."""
-    diffracted: Count | None
-    """From a finding, diffracted around an edge."""
-    echo: Count | None
-    """Multipath of a finding."""
+    unexplained: Count | None
+    """Used, but of no finding: other multipath, interference, simultaneous waves, or a source that was not located."""
 
 
 class Ellipse95(ReportPart):
@@ -105,12 +97,13 @@ class DischargeKind(ReportPart):
 class Strength(ReportPart):
     """Level and rate of the pulses of a finding, corrected for range and array gain, and where they were detected."""
 
-    level_db: Number
-    """Upper quartile of the levels, decibels relative to one volt at 1 m."""
+    level_db: Number | None
+    """Median level of the pulses in line of sight, decibels relative to one volt at 1 m, as estimated with the position
+    and corrected for attenuation on the map; null if never in sight."""
     low_db: Number
-    """10 % quantile of the levels, decibels relative to one volt at 1 m."""
+    """10 % quantile of the levels of all pulses, not corrected for attenuation, in the same unit."""
     high_db: Number
-    """90 % quantile of the levels, decibels relative to one volt at 1 m."""
+    """90 % quantile of these levels, decibels relative to one volt at 1 m."""
     n_pulses: Count
     """Pulses associated with the finding, in line of sight or not."""
     duration_s: Length
@@ -137,7 +130,10 @@ class FindingRecord(ReportPart):
     position_std_m: tuple[Length, Length, Length]
     """Standard deviations of x, y, z, metres."""
     covariance_m2: tuple[Point, Point, Point]
-    """Covariance of x, y, z, world frame, square metres, including the errors of the array."""
+    """Covariance of x, y, z, world frame, square metres, including the errors of the array and of the localisation
+    against the map."""
+    existence: Probability
+    """Probability that a source exists there."""
     ellipse95: Ellipse95
     """95 % ellipse in the horizontal plane."""
     sites: tuple[Site, ...]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.report.records import FindingRecord, Report
 from pdpatrol.missions.report.wording import kind_text, site_text
 
@@ -34,9 +36,10 @@ def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[s
         "#": [str(finding.id) for finding in findings],
         "x, y, z\n(m)": ["{:.2f}, {:.2f}, {:.2f}".format(*finding.position_m) for finding in findings],
         "95 %\n± (m)": [f"{finding.ellipse95.semi_major_m:.2f}" for finding in findings],
+        "exists": [percent(finding.existence) for finding in findings],
     }
     if any(finding.sites or finding.state == "outside" for finding in findings):
-        columns["site"] = [site_text(finding).replace("/", "/\n").replace(", ", "\n") for finding in findings]
+        columns["site"] = [_folded(site_text(finding)) for finding in findings]
     if any(finding.discharge for finding in findings):
         columns["kind"] = [kind_text(finding).replace(" ", "\n", 1) for finding in findings]
     columns |= more
@@ -47,3 +50,9 @@ def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[s
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
     return table
+
+
+def _folded(sites: str) -> str:
+    """Break sites into lines after slashes and before percentages, and lines of 19 characters or more after `_`."""
+    lines = re.sub(r"(?=.{19}).{1,14}_", r"\g<0>\n", sites.replace("/", "/\n").replace(", ", "\n"))
+    return re.sub(r" (?=[<>]|\d+ %)(?<![<>] )", "\n", lines)

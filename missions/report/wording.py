@@ -11,12 +11,8 @@ from pdpatrol.missions.report.records import FindingRecord, Report, SiteInspecti
 
 PULSE_CLASSES = {
     "of_findings": "associated with findings and candidates",
-    "unassigned": "consistent with no finding",
-    "ambiguous": "consistent with several findings",
-    "biased": "biased by reflections",
-    "diffracted": "diffracted around an edge",
-    "echo": "multipath of a finding",
-    "not_credible": "rejected: not a single plane wave, or too weak for a bearing",
+    "unexplained": "of no finding",
+    "rejected": "rejected: clipped, or too weak for a bearing",
 }
 """Description of each field of `PulseCounts` except the total."""
 
@@ -100,7 +96,7 @@ def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
     """
     discharge, strength = finding.discharge, finding.strength
     kind = discharge.kind if discharge and discharge.confidence >= 0.8 else "unknown"
-    is_strong = strength is not None and strength.level_db >= 0.0
+    is_strong = strength is not None and strength.level_db is not None and strength.level_db >= 0.0
     known = "uncertain" if kind == "unknown" else f"{kind} with a confidence of at least 80 %"
     rule = f"Rule: kind {known}; level {'at or above' if is_strong else 'below'} 0 dBV at 1 m."
     return ADVICE[kind], TIME_FRAMES[ADVICE[kind].urgency + is_strong], rule

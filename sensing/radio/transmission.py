@@ -37,6 +37,10 @@ RIM_M = 0.1
 """Length, from the rim inwards, over which the loss of a solid, or the reflection of a face without diffracting edges,
 rises to its full value. Assumed."""
 
+MIN_TRANSMISSION = 10 ** (-12.0 / 20.0)
+"""Amplitude transmitted along the direct path at which a target still counts as in line of sight: through one insulator
+or fence, not through two. Assumed."""
+
 SHADOW = np.dtype((np.record, [("parameter", np.float64), ("transmission", np.float64)]))
 """Effect of a diffracting obstacle on the direct path: its `shadow_parameter` and `transmission_through`. They are -inf
 and 1 for an obstacle that does not diffract."""

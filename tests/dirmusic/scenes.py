@@ -19,11 +19,7 @@ from dirmusic import (
 )
 from dirmusic.angles import difference
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
-from dirmusic.locating.association import Assigner
-from dirmusic.locating.plane_wave import bearing_error_table
 from dirmusic.locating.protocol import LineOfSight
-from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
-from dirmusic.locating.rules import AssignmentRules
 
 RING = GainManifold.ring(6)
 RING_M = np.column_stack([0.12 * np.cos(RING.boresights_rad), 0.12 * np.sin(RING.boresights_rad), np.full(6, 0.6)])
@@ -37,7 +33,6 @@ SMALL_ARRAY = ArrayModel(
 POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
 NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 LEVEL_DB = -10.0
-NO_ERRORS = bearing_error_table(RING, ElementErrors.none(6))
 
 
 def rho(snr_db: ArrayLike) -> np.ndarray:
@@ -90,6 +85,7 @@ def make_finding(**values: Any) -> Finding:  # noqa: ANN401 - any attribute of a
         state="candidate",
         position_m=np.zeros(3),
         covariance_m2=0.01 * np.eye(3),
+        existence=0.5,
         n_bearings=100,
         first_detected_s=0.0,
         last_detected_s=0.0,
@@ -147,17 +143,3 @@ def received(
 def uniform_sight(transmission: float) -> LineOfSight:
     """Make a map with the same transmission from everywhere to everywhere."""
     return lambda places_m, target_m, within_m: np.full(len(places_m), transmission)
-
-
-def record_of(
-    *detections: tuple[float, ArrayLike, PulseBatch], array: ArrayModel = SMALL_ARRAY, sight: LineOfSight | None = None
-) -> PulseRecord:
-    """Record pulses, each batch with the time and the pose of its detection."""
-    record = PulseRecord(array, POSE_ERROR, sight, AssignmentRules())
-    record.extend([PulsesAtPose(time_s, np.asarray(pose, np.float64), pulses) for time_s, pose, pulses in detections])
-    return record
-
-
-def owners(record: PulseRecord, findings: list[Finding], errors: np.ndarray = NO_ERRORS) -> np.ndarray:
-    """Return the index of the finding to which each pulse is assigned, or a code of `Unassociated`."""
-    return Assigner(record, AssignmentRules()).assign(findings, errors).finding

@@ -66,7 +66,7 @@ def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  
     """Numba itself compares only the file of the called function."""
     code = "from dirmusic.caller import quadruple; print(quadruple(1.0))"
     assert run(code).stdout == "4.0\n"
-    (tmp_path / "code" / "dirmusic" / "kernel.py").write_text(KERNEL.replace("2.0", "3.0"), encoding="utf-8")
+    (tmp_path / "code" / "dirmusic" / "kernel.py").write_text(KERNEL.replace("2.0", "3.00"), encoding="utf-8")
     assert run(code).stdout == "6.0\n"
 
 

@@ -21,7 +21,7 @@ def append_step(log: MissionLog, time_s: float, pose: np.ndarray, **changed: obj
 def candidate(position_m: tuple[float, ...], covariance_m2: np.ndarray, **changed: Any) -> Finding:  # noqa: ANN401
     """Return a candidate with the id 1."""
     known: dict[str, Any] = {
-        "id": 1, "state": "candidate", "n_bearings": 50, "first_detected_s": 0.0, "last_detected_s": 0.0,
-        "confirmed_s": None, "aperture_rad": 0.3, "nearest_m": 6.0, "level_db": -10.0,
+        "id": 1, "state": "candidate", "existence": 0.5, "n_bearings": 50, "first_detected_s": 0.0,
+        "last_detected_s": 0.0, "confirmed_s": None, "aperture_rad": 0.3, "nearest_m": 6.0, "level_db": -10.0,
     }  # fmt: skip
     return Finding(position_m=np.array(position_m), covariance_m2=covariance_m2, **{**known, **changed})

@@ -20,7 +20,7 @@ def test_robot_without_route_stands_still() -> None:
     assert np.ptp(log.column("step", "true_pose")[:, :2], axis=0).max() < 0.1
     assert report.battery_left is not None
     assert 0.98 < report.battery_left < 1.0  # electronics: 80 W for two minutes of 480 Wh
-    assert 0.9 * 200 < report.n_bearings <= 200  # ten positions, twenty shots
+    assert 0.9 * 200 < report.n_bearings < 1.05 * 200  # ten positions, twenty shots; few false alarms from noise
     assert report.findings == ()  # bearings from one place give no position
     assert set(log.column("step", "phase")) == {"listen"}
     assert log.column("event", "subject")[-1] == "time limit"
@@ -53,7 +53,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
     assert finding.n_bearings <= report.n_bearings
     counts = report.pulses
     assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in PULSE_CLASSES)
-    assert counts.detected - counts.not_credible == report.n_bearings < 2 * (counts.of_findings or 0)
+    assert counts.detected - counts.rejected == report.n_bearings < 2 * (counts.of_findings or 0)
     assert finding.confirmed_s is not None
     assert finding.first_detected_s < finding.confirmed_s < report.sim_time_s
     assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
@@ -183,7 +183,7 @@ def test_clipped_pulses_are_not_used_for_locating() -> None:
     log = run_mission(clipping, "patrol", seed=0)
     clipped = log.column("pulse", "is_clipped")
     assert clipped.any()
-    assert not log.column("pulse", "is_credible")[clipped].any()
+    assert not log.column("pulse", "is_used")[clipped].any()
     assert list(log.column("event", "kind")).count("clipped") == 1
 
 

@@ -26,8 +26,8 @@ class Mine:
             self.findings = (
                 Finding(
                     id=7, state="confirmed", position_m=np.append(pose[:2] + 1.0, 1.5), covariance_m2=np.eye(3),
-                    n_bearings=self.n, first_detected_s=0.0, last_detected_s=0.0, confirmed_s=time_s, aperture_rad=1.0,
-                    nearest_m=1.0, level_db=0.0,
+                    existence=0.97, n_bearings=self.n, first_detected_s=0.0, last_detected_s=0.0, confirmed_s=time_s,
+                    aperture_rad=1.0, nearest_m=1.0, level_db=0.0,
                 ),
             )
         return self.findings
@@ -36,7 +36,7 @@ class Mine:
         return self.findings
 
     def association(self):
-        return np.full(self.n, 7 if self.findings else -1)
+        return np.full(self.n, 7 if self.findings else 0)
 """
 
 
@@ -86,6 +86,7 @@ def test_own_locator_gets_rules_of_the_scenario(tmp_path: Path) -> None:
         ),
         ("id=7", "id=0", "`id` must be at least 1, got 0"),
         ("id=7", "id=-1", "`id` must be at least 1, got -1"),
+        ("existence=0.97", "existence=97.0", "finding 7: `existence` must be a probability, got 97.0"),
         ("            )\n        return", "            ) * 2\n        return", "gave (Finding(id=7"),
         ("np.full(self.n,", "np.full(3,", "association gave int64 of shape (3,)"),
         ("np.full(self.n, 7", "np.full(self.n, 9", ", array([9, 9"),

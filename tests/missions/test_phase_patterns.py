@@ -16,11 +16,11 @@ from tests.missions.replay.short_mission import copy_of
 KINDS = {1: "corona", 2: "void"}
 
 
-def log_of_two_findings(seed: int, mains_hz: float = 50.0, echoes_every: int = 0) -> MissionLog:
+def log_of_two_findings(seed: int, mains_hz: float = 50.0, unexplained_every: int = 0) -> MissionLog:
     """Return the log of a drive past a corona and a void twice as strong, with all pulses associated."""
     sources = SurveyedSource((10.0, 10.0, 0.6), kind="corona"), SurveyedSource((0.0, 12.0, 0.6), 6.02, kind="void")
     poses = along((0.0, 2.0), (6.0, 2.0), speed_mps=1.0)
-    return survey(poses, *sources, seed=seed, mains_hz=mains_hz, echoes_every=echoes_every)
+    return survey(poses, *sources, seed=seed, mains_hz=mains_hz, unexplained_every=unexplained_every)
 
 
 def test_patterns_hold_pulses_and_levels_of_their_finding() -> None:
@@ -35,7 +35,7 @@ def test_patterns_hold_pulses_and_levels_of_their_finding() -> None:
 
 
 def test_patterns_exclude_unassociated_pulses() -> None:
-    whole, half = (phase_patterns(log_of_two_findings(2, echoes_every=every))[0] for every in (0, 2))
+    whole, half = (phase_patterns(log_of_two_findings(2, unexplained_every=every))[0] for every in (0, 2))
     for number in KINDS:
         assert half[number][0].time_s.size == pytest.approx(whole[number][0].time_s.size / 2, abs=20)
 

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
-from dirmusic.bearing.maximum_likelihood import maximum_likelihood
-from dirmusic.locating.association import Unassociated
-from dirmusic.locating.rules import CredibilityRules
+from dirmusic.frame import FrameEstimate
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 from pdpatrol.missions.runner import run_mission
-from tests.missions.steps import candidate
+from tests.missions.steps import append_step, candidate
 
 MANIFOLD = GainManifold.ring(6)
 ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05))
@@ -20,12 +18,14 @@ FINDING = candidate((1.0, 2.0, 1.5), np.eye(3))
 
 
 class FixedLocator:
-    """A Locator whose findings the test sets."""
+    """A Locator whose findings the test sets, and which notes how many pulses it was given."""
 
     def __init__(self) -> None:
         self.findings: tuple[Finding, ...] = ()
+        self.given = PulseBatch.none(6)
 
     def update(self, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
+        self.given = pulses
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
@@ -35,26 +35,67 @@ class FixedLocator:
         return np.empty(0, dtype=np.intp)
 
 
-def test_findings_are_logged_when_their_values_change() -> None:
-    log, locator = MissionLog({"n_elements": 6, "bounds_m": [[0, 0], [1, 1]]}), FixedLocator()
+def tracker_of(locator: FixedLocator) -> tuple[MissionLog, Tracker]:
+    """Make a log and a tracker of findings and pulses that the test sets."""
+    log = MissionLog({"n_elements": 6, "bounds_m": [[0, 0], [1, 1]]})
+    append_step(log, 0.0, np.zeros(3))
     pose_error = PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0)
-    tracker = Tracker(log, locator, ARRAY, pose_error, maximum_likelihood, CredibilityRules())
+    return log, Tracker(log, locator, ARRAY, pose_error, np.radians(25.0))
+
+
+def test_findings_are_logged_when_their_values_change() -> None:
+    locator = FixedLocator()
+    log, tracker = tracker_of(locator)
     once = (FINDING,)
     for findings in (once, once, (replace(FINDING),), (replace(FINDING, n_bearings=9),), ()):
         locator.findings = findings
         tracker.track(0.1, np.zeros(3), PulseBatch.none(6))
     assert log.column("finding", "state").tolist() == ["candidate", "candidate", "dropped"]
     assert np.isnan(log.column("finding", "confirmed_s")).all()
+    assert log.column("finding", "existence").tolist() == [FINDING.existence] * 3
     assert log.column("event", "kind").tolist() == ["candidate", "dropped"]
 
 
-def test_each_credible_pulse_has_an_association() -> None:
+def test_covariance_of_a_finding_includes_that_of_the_frame() -> None:
+    locator = FixedLocator()
+    locator.findings = (FINDING,)
+    log, tracker = tracker_of(locator)
+    root = np.array([[0.2, 0.0, 0.0], [0.1, 0.3, 0.0], [0.0, 0.01, 0.02]])
+    for variance in (0.0, 1.0, 1.0, 0.25):
+        frame = FrameEstimate(np.array([9.0, 5.0]), np.zeros(3), variance * root @ root.T)
+        tracker.track(0.1, np.zeros(3), PulseBatch.none(6), frame)
+    off_x, off_y = FINDING.position_m[:2] - frame.pivot_m
+    jacobian = np.array([[1.0, 0.0, -off_y], [0.0, 1.0, off_x]])  # of a small rotation about the pivot
+    added = log.column("finding", "covariance_m2") - FINDING.covariance_m2
+    expected = jacobian @ root @ root.T @ jacobian.T
+    np.testing.assert_allclose(added[:, :2, :2], [0.0 * expected, expected, 0.25 * expected], atol=1e-12)
+    assert not added[:, 2].any()
+    assert tracker.findings[0].covariance_m2[0, 0] > FINDING.covariance_m2[0, 0]
+
+
+def test_weak_and_clipped_pulses_are_not_used() -> None:
+    """A pulse that is clipped in a channel of no use is kept."""
+    locator = FixedLocator()
+    log, tracker = tracker_of(locator)
+    strengths = np.tile(MANIFOLD.gain(np.array([0.3])).T, (4, 1))
+    is_clipped, is_usable = np.zeros((4, 6), bool), np.ones((4, 6), bool)
+    is_clipped[2:, 1], is_usable[3, 1] = True, False
+    pulses = PulseBatch.detected(np.zeros(4), strengths, np.full((4, 6), 1e-6))._replace(
+        std_rad=np.radians([24.0, 26.0, 1.0, 1.0]), is_clipped=is_clipped, is_usable=is_usable
+    )
+    tracker.track(0.1, np.zeros(3), pulses)
+    assert log.column("pulse", "is_used").tolist() == [True, False, False, True]
+    assert log.column("bearing", "pulse").tolist() == [0, 3]
+    np.testing.assert_array_equal(locator.given.std_rad, np.radians([24.0, 1.0]))
+
+
+def test_each_used_pulse_has_an_association() -> None:
     log = run_mission(load_scenario("two_sources", {"task.time_limit_s": 40.0}), seed=5)
     np.testing.assert_array_equal(log.column("association", "pulse"), log.column("bearing", "pulse"))
-    np.testing.assert_array_equal(log.column("bearing", "pulse"), np.flatnonzero(log.column("pulse", "is_credible")))
+    np.testing.assert_array_equal(log.column("bearing", "pulse"), np.flatnonzero(log.column("pulse", "is_used")))
     alive = log.column("finding", "id")[log.column("finding", "step") == log.column("finding", "step")[-1]]
     assert alive.size > 0
-    assert set(log.column("association", "finding").tolist()) <= {*alive.tolist(), *Unassociated}
+    assert set(log.column("association", "finding").tolist()) <= {0, *alive.tolist()}
     owned = (log.column("association", "finding") > 0).mean()
     assert owned > 0.3
 

@@ -10,7 +10,6 @@ from dirmusic import Finding, Locator
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.finding import is_inside95
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
-from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.missions.report.scoring import pair_findings
@@ -35,17 +34,16 @@ class ScoredCases(NamedTuple):
     n_false: IntArray
 
 
-def credible(case: Case, rules: LocatingRules) -> BoolArray:
-    """Return True for each credible pulse, shape (n_pulses,)."""
-    pulses = case.pulses
-    return is_credible(pulses, case.array, np.zeros(pulses.n_pulses), rules.credibility)
+def usable(case: Case, rules: LocatingRules) -> BoolArray:
+    """Return True for each pulse that the Locator is given, shape (n_pulses,)."""
+    return ~case.pulses.is_overdriven & (case.pulses.std_rad < rules.max_std_rad)
 
 
 def locate(case: Case, rules: LocatingRules | None = None) -> tuple[Finding, ...]:
     """Run the Locator over the drive, one control step at a time, and return all findings."""
     rules = rules or LocatingRules()
     locator = Locator(case.array, case.pose_error, fence_m=FENCE_M, rules=rules)
-    chosen = np.flatnonzero(credible(case, rules))
+    chosen = np.flatnonzero(usable(case, rules))
     ends = np.searchsorted(case.step[chosen], np.arange(len(case.pose)), side="right")
     for k, own in enumerate(np.split(chosen, ends[:-1])):
         locator.update(STEP_S * (k + 1), case.pose[k], case.pulses.take(own))

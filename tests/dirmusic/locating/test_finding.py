@@ -21,7 +21,7 @@ from tests.dirmusic.scenes import make_finding, rotation
         ({"covariance_m2": np.ones(2)}, "covariance_m2"),
         ({"covariance_m2": np.diag([1.0, 1.0, -1.0])}, "covariance_m2.*positive"),
         ({"id": 0}, "id` must be at least 1, got 0"),
-        ({"id": -1}, "id` must be at least 1, got -1"),
+        ({"existence": 1.1}, "existence` must be a probability, got 1.1"),
     ],
 )
 def test_invalid_finding_is_refused(values: dict[str, Any], fault: str) -> None:
@@ -31,8 +31,9 @@ def test_invalid_finding_is_refused(values: dict[str, Any], fault: str) -> None:
 
 def test_findings_are_equal_if_all_values_are() -> None:
     assert make_finding(level_db=np.nan) == make_finding(level_db=np.nan)
-    for change in ({"n_bearings": 1}, {"confirmed_s": 2.0}, {"position_m": np.ones(3)}, {"state": "ghost"}):
-        assert make_finding(**change) != make_finding()
+    changes = {"n_bearings": 1, "confirmed_s": 2.0, "position_m": np.ones(3), "state": "outside", "existence": 1.0}
+    for name, value in changes.items():
+        assert make_finding(**{name: value}) != make_finding()
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))

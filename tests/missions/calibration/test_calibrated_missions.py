@@ -49,8 +49,8 @@ NUMBERED = ((7, 0), (7, 1), (8, 0))
 
 @pytest.fixture(scope="module")
 def first() -> MissionLog:
-    """Return the log of a mission that confirms its source within 25 s."""
-    return run_mission(scenario(10, limit_s=25.0), seed=1010)
+    """Return the log of a mission that confirms its source within 60 s."""
+    return run_mission(scenario(10, limit_s=60.0), seed=1010)
 
 
 def test_estimated_array_errors_match_the_truth(first: MissionLog) -> None:
@@ -58,7 +58,7 @@ def test_estimated_array_errors_match_the_truth(first: MissionLog) -> None:
     pointing = np.array(truth["boresights_rad"]) - np.array(first.meta["array"]["boresights_rad"])
     miss = errors.state[:12] - np.concatenate([np.array(truth["gain_factors"]) - 1.0, pointing])
     assert miss @ np.linalg.solve(errors.covariance[:12, :12], miss) < 26.2  # 99 % quantile, 12 degrees of freedom
-    assert np.sqrt(np.diag(errors.covariance)[6:12].mean()) < np.radians(1.5)
+    assert np.sqrt(np.diag(errors.covariance)[6:12].mean()) < 0.9 * np.radians(np.hypot(2.0, 1.0))  # elements and mount
 
 
 def test_mission_without_findings_has_no_calibration() -> None:
@@ -66,7 +66,7 @@ def test_mission_without_findings_has_no_calibration() -> None:
 
 
 def test_calibrated_missions_are_deterministic(first: MissionLog) -> None:
-    calibrated = scenario(10, calibration_of(first), limit_s=25.0)
+    calibrated = scenario(10, calibration_of(first), limit_s=60.0)
     logs = [run_mission(calibrated, seed=1010) for _ in range(2)]
     assert logs[0].meta["calibration"] == logs[1].meta["calibration"]
     for column in ("position_m", "covariance_m2"):
@@ -76,7 +76,7 @@ def test_calibrated_missions_are_deterministic(first: MissionLog) -> None:
 
 
 def test_calibration_of_another_array_is_detected(first: MissionLog) -> None:
-    wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=40.0)
+    wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=60.0)
     log = run_mission(wrong, seed=1010)
     (message,) = make_report(log, 0.0).calibration
     assert "contradict" in message

@@ -9,8 +9,7 @@ import pytest
 import tomlkit
 
 from dirmusic import InputFileError
-from dirmusic.array.element_errors import DRIFT, EstimatedErrors
-from dirmusic.locating.locator import Learned
+from dirmusic.array.element_errors import DRIFT, EstimatedErrors, Learned
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
@@ -77,7 +76,7 @@ def test_calibration_path_is_relative_to_scenario(file: Path) -> None:
         ({"array.gain_offset": 0.1}, "serial number 7, data sheet "),
         ({"array.pattern": "helix"}, "serial number 7, data sheet "),
         ({"array.n_elements": 8}, "8 elements; got "),
-        ({"locating.solver": "bearings"}, "must go with solver"),
+        ({"locating.locator": "mine.py:Mine"}, "must go with the built-in Locator"),
     ],
 )
 def test_calibration_of_another_array_is_refused(settings: dict[str, object], message: str, file: Path) -> None:

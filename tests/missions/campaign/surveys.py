@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dirmusic import GainManifold
-from dirmusic.locating.association import Unassociated
 from dirmusic.pulses.phase_resolved import KindName
 from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -59,12 +58,12 @@ def survey(
     seed: int = 0,
     name: str = "survey",
     mains_hz: float = 50.0,
-    echoes_every: int = 0,
+    unexplained_every: int = 0,
 ) -> MissionLog:
     """Return the log of a drive whose findings are the sources, with ids from 1 in their order.
 
-    The phase of the mains is unknown if `mains_hz` is NaN. If `echoes_every` is n > 0, every n-th pulse is associated
-    as multipath.
+    The phase of the mains is unknown if `mains_hz` is NaN. If `unexplained_every` is n > 0, every n-th pulse is of
+    no finding.
     """
     meta = {
         "name": name,
@@ -101,19 +100,19 @@ def survey(
                 pulse = log.n_rows("pulse")
                 log.append(
                     "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=2 * np.pi * mains_hz * time_s,
-                    is_clipped=False, is_credible=True,
+                    is_clipped=False, is_used=True,
                 )  # fmt: skip
                 log.append(
                     "bearing", pulse=pulse, azimuth_rad=azimuth, bearing_rad=azimuth + pose[2],
                     std_rad=STD_RAD * NOISE_V / strength_v, total_std_rad=STD_RAD, elevation_rad=0.0,
                 )  # fmt: skip
-                is_echo = echoes_every > 0 and pulse % echoes_every == 0
-                log.append("association", pulse=pulse, finding=Unassociated.ECHO if is_echo else number)
+                is_unexplained = unexplained_every > 0 and pulse % unexplained_every == 0
+                log.append("association", pulse=pulse, finding=0 if is_unexplained else number)
     for number, source in enumerate(sources, start=1):
         log.append(
             "finding", step=len(poses) - 1, id=number, position_m=np.array(source.position_m),
-            covariance_m2=0.05**2 * np.eye(3), state="confirmed",
-            n_bearings=100, first_detected_s=0.0, confirmed_s=1.0, aperture_rad=1.0,
+            covariance_m2=0.05**2 * np.eye(3), state="confirmed", existence=1.0,
+            n_bearings=100, first_detected_s=0.0, confirmed_s=1.0, aperture_rad=1.0, level_db=source.level_db,
         )  # fmt: skip
     return log
 

@@ -159,10 +159,19 @@ def test_other_units_are_noted(tmp_path: Path, column: str, factor: float, messa
     assert message in note
 
 
-def test_rejected_pulses_are_explained() -> None:
-    report = locate(EXAMPLE, noise_v=None, boresights_deg=(90.0, -150.0, 30.0, -90.0, 150.0, -30.0))
-    (line,) = report.notes
-    assert line.startswith(f"all {report.pulses.detected} pulses were rejected: 0 too weak")
+def test_rejected_and_unexplained_pulses_are_noted(tmp_path: Path) -> None:
+    """Pulses are too weak for a noise of 1 V; with swapped boresights no finding explains them."""
+    without_noise = [",".join(line.split(",")[:10]) for line in TEXT.splitlines()]
+    (tmp_path / "t.csv").write_text("\n".join(without_noise), encoding="utf-8")
+    rejected = locate(tmp_path / "t.csv", noise_v=1.0)
+    assert (rejected.pulses.rejected, rejected.n_bearings) == (84, 0)
+    assert rejected.notes == (
+        "all 84 pulses were rejected: 0 clipped, the others too weak for the noise (deviations, volts?)",
+    )
+    swapped = locate(EXAMPLE, noise_v=None, boresights_deg=(90.0, -150.0, 30.0, -90.0, 150.0, -30.0))
+    assert (swapped.findings, swapped.pulses.unexplained) == ((), 84)
+    (note,) = swapped.notes
+    assert note.startswith("no finding explains any of 84 pulses: few poses, or wrong boresights")
 
 
 def test_pooled_poses_locate_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

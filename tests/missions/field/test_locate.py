@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dirmusic import GaussianPattern
+from dirmusic.arrays import FloatArray
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.report.records import Report
 from tests.missions.conftest import Refused
@@ -159,13 +160,16 @@ def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
 
 
 def test_measured_pattern_is_used(tmp_path: Path) -> None:
-    misses_m = list[float]()
+    """The position is that of the default pattern with a table of it, and another one with the mirrored table."""
+    usual, positions_m = locate(EXAMPLE, noise_v=None).findings[0].position_m, list[FloatArray]()
     for sign in (1, -1):
         rows = [f"{a},{float(GaussianPattern()(np.radians(sign * a))):.6f}" for a in range(-179, 180, 2)]
         (tmp_path / "p.csv").write_text("\n".join(["angle_deg,gain", *rows]))
-        misses_m.append(miss_m(locate(EXAMPLE, noise_v=None, pattern=tmp_path / "p.csv"), (14.0, 9.0, 0.0)))
-    assert misses_m[0] < 0.3
-    assert misses_m[1] > 2.0 * misses_m[0]
+        (finding,) = locate(EXAMPLE, noise_v=None, pattern=tmp_path / "p.csv").findings
+        positions_m.append(np.array(finding.position_m))
+    given_m, mirrored_m = positions_m
+    assert np.linalg.norm(given_m - usual) < 0.1
+    assert np.linalg.norm(mirrored_m - usual) > 0.3
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ def test_dead_channels_lower_the_probability() -> None:
     values = []
     for dead in ((), (0,), (0, 1, 5), (0, 1, 2, 4, 5)):  # the elements nearest to the direction of the site first
         is_sound = ~np.isin(np.arange(6), dead)
-        values.append(confirmed(passes, -38.0, model=ConfirmationModel(SCENARIO, sight, is_sound)))  # pyright: ignore[reportArgumentType]
+        values.append(confirmed(passes, -36.0, model=ConfirmationModel(SCENARIO, sight, is_sound)))  # pyright: ignore[reportArgumentType]
     assert values[0] > 0.9
     assert (np.diff(values) <= 0.02).all()
     assert values[-1] < 0.5

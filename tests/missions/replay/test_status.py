@@ -22,9 +22,9 @@ def log_of(*phases: Phase) -> MissionLog:
     return log
 
 
-def test_status_states_phase_and_candidates_without_ghosts(tmp_path: Path) -> None:
+def test_status_states_phase_and_current_findings(tmp_path: Path) -> None:
     log = log_of(Phase("seek", 3), Phase("listen"))
-    for step, state in ((4, "candidate"), (15, "ghost")):
+    for step, state in ((4, "candidate"), (15, "dropped")):
         add_finding(log, step, 3, state, (18.0, 5.0, 1.5), covariance_m2=np.diag([0.8, 0.04, 0.09]))
         add_finding(log, step, 4, "confirmed", (10.0, 15.0, 1.5))
     texts = {step: text for step, (text,) in recorded(log, tmp_path)["mission/status"]["text"].items()}

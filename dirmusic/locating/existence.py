@@ -1,0 +1,133 @@
+r"""Existence of a source: the evidence of a fixed point against a wave that wanders.
+
+Pulses that seem to come from one point may be multipath, or come from interference that moves. Their directions and
+levels then change in any way, and so does their number. A group of pulses contributes the log ratio
+
+.. math:: a = \ln\frac{N(\Delta\beta; \sigma_\beta)}{N(\Delta\beta; \sqrt{\sigma_\beta^2 + \Delta^2})}
+            + \ln\frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
+
+where a wandering wave changes its bearing by :math:`\Delta` and its level by :math:`\Lambda` from one window to the
+next, and v is the probability of a direct path. A window counts once, because its errors are shared. See
+`pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import logsumexp
+
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.locating.association import Association, Comparison, Level, level_std
+from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
+
+WANDER_RAD, WANDER_DB = np.radians(40.0), 12.0
+"""Change of bearing and level of a wandering wave between independent observations (assumed)."""
+
+OFF = 0.1
+"""Share of windows in which a source may be off (assumed)."""
+
+OCCAM = 12.0
+"""Log of the factor by which fitting position and level raises the likelihood of chance coincidences (assumed)."""
+
+RATE_SPREAD, WANDER_RATE = 0.6, 1.5
+"""Standard deviation of the logarithm of the number of detections in a window, for a source and for other waves
+(assumed)."""
+
+LEAST_EXPECTED = 0.5
+"""Expected number of detections in a window above which silence counts (assumed)."""
+
+IMAGE_BOTH, IMAGE_LIMIT = 0.15, 3.0
+"""Probability that a source and its image are detected within one second from a place that sees the source, and largest
+contribution of one second to the log odds (assumed)."""
+
+
+def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
+    """Return the log ratio of the densities of each group under a source and under a wandering wave, shape (n,)."""
+    std_db = level_std(compared, level, n_pulses)
+    return (
+        _log_ratio(compared.bearing_offset, compared.bearing_std_rad, WANDER_RAD)
+        + _log_ratio((compared.level_db - level.mean_db) / std_db, std_db, WANDER_DB)
+        + np.log(compared.direct)
+    )
+
+
+def _log_ratio(offset: FloatArray, std: FloatArray, wander: float) -> FloatArray:
+    """Return the log ratio of two normal densities of an offset: with its deviation, and with a wander more."""
+    share = 1.0 / (1.0 + np.square(wander / std))
+    return -0.5 * np.square(offset) * (1.0 - share) - 0.5 * np.log(share)
+
+
+def pulse_evidence(ratios: FloatArray, association: Association, window: IntArray) -> FloatArray:
+    r"""Return the log odds of each source by the pulses, shape (n_sources,).
+
+    Without source k, its share :math:`\pi_k` goes to the others and to none, in proportion to what they explain:
+
+    .. math:: \ln \frac{\sum_j \pi_j e^{a_j} + \pi_0}{(\sum_{j \ne k} \pi_j e^{a_j} + \pi_0) / (1 - \pi_k)}
+              + \frac{1 - s}{s} \ln(1 - s), \quad s = \frac{\pi_k}{\pi_k + \pi_0}
+
+    The last term is for the pulses of the window that the source does not explain. In each window, the mean over the
+    groups of the source counts.
+
+    Args:
+        ratios: `log_ratios` of all sources, shape (n_sources, n).
+        association: Probable origin of each group.
+        window: Number of the window of each group, from 0 on, shape (n,).
+    """
+    log_share = np.log(association.share)
+    each = np.concatenate([ratios, np.zeros((1, ratios.shape[1]))]) + log_share
+    own = np.minimum(np.exp(each - logsumexp(each, axis=0)), 1.0 - 1e-12)[:-1]
+    gain = np.log1p(-np.minimum(association.share[:-1], 1.0 - 1e-12)) - np.log1p(-own)
+    none = association.share[-1]
+    evidence = np.empty(len(ratios))
+    for k, of_source in enumerate(association.direct):
+        share = np.minimum(association.share[k] / (association.share[k] + none), 1.0 - 1e-9)
+        chosen = gain[k] + (1.0 - share) / share * np.log1p(-share)
+        total = np.bincount(window, of_source * chosen)
+        evidence[k] = np.sum(total / np.maximum(np.bincount(window, of_source), 1.0))
+    return evidence
+
+
+def rate_evidence(expected: FloatArray, detected: FloatArray) -> float:
+    r"""Return the log odds by the numbers of detections in the windows in which a source was visible.
+
+    A source has a nearly constant rate; a wandering wave or multipath has any. With n detections where E were expected,
+    :math:`x = \ln \frac{n + 1/2}{E + 1/2}` has the variance :math:`s^2 + 1 / (E + 1/2)`, where s is `RATE_SPREAD` for a
+    source and `WANDER_RATE` for others. In a share `OFF` of the windows a source may be off.
+
+    Args:
+        expected: Expected number of detections in each window, shape (n_windows,); windows below `LEAST_EXPECTED` do
+            not count.
+        detected: Number of detections in each window, shape (n_windows,).
+    """
+    is_visible = expected > LEAST_EXPECTED
+    expected, detected = expected[is_visible], detected[is_visible]
+    offset, by_count = np.log((detected + 0.5) / (expected + 0.5)), 1.0 / (expected + 0.5)
+    own, other = RATE_SPREAD**2 + by_count, WANDER_RATE**2 + by_count
+    ratio = 0.5 * np.log(other / own) - 0.5 * np.square(offset) * (1.0 / own - 1.0 / other)
+    return float(np.log((1.0 - OFF) * np.exp(ratio) + OFF).sum())
+
+
+def level_evidence(level: Level) -> float:
+    """Return the log density of a level relative to the likeliest level."""
+    mean_db, std_db = LEVEL_PRIOR_DB
+    return -0.5 * ((level.mean_db - mean_db) / std_db) ** 2
+
+
+def image_evidence(
+    window: IntArray, count: FloatArray, senior: FloatArray, expected: FloatArray, is_too_strong: BoolArray
+) -> float:
+    """Return the log odds of a source of its own against an image of a senior one: each emission is received once.
+
+    Args:
+        window: Window of each second, shape (n_seconds,).
+        count: Number of detections of the source in each second.
+        senior: Number of detections of the senior source in each second.
+        expected: Expected number of these if it is on; 0 where it is not visible for certain.
+        is_too_strong: True where a detection is stronger than an image of the senior source can be.
+    """
+    missed = OFF + (1.0 - OFF) * np.exp(-expected)
+    each = np.where(senior > 0.5, np.log((1.0 - missed + 1e-3) / IMAGE_BOTH), np.log(missed / (1.0 - IMAGE_BOTH)))
+    each = np.where(is_too_strong, IMAGE_LIMIT, np.where(expected > 0.0, np.clip(each, -IMAGE_LIMIT, IMAGE_LIMIT), 0.0))
+    rows = count > 0.5
+    n = np.bincount(window[rows], minlength=1)
+    return float((np.bincount(window[rows], each[rows], minlength=1) / np.maximum(n, 1)).sum())

@@ -1,0 +1,112 @@
+"""Track initiation: a hypothetical source where lines of sight of unexplained pulses cross."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dirmusic.angles import difference, unit_vector
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.locating.bearing_fit import triangulate
+from dirmusic.locating.finding import ellipse95
+from dirmusic.locating.joint_fit import with_height, with_height_covariance
+from dirmusic.locating.pulse_pool import Groups
+
+LARGEST_STD_RAD, EXTRA_STD_RAD = np.radians(25.0), np.radians(4.0)
+"""Largest standard deviation of a direction that initiates a track, and standard deviation of the errors of array and
+method that is added for the crossing (assumed)."""
+
+RECENT_S, SECTOR_RAD, SECTOR_PULSES = 10.0, np.radians(10.0), 6
+"""Age, half the width of a sector, and number of pulses in it that initiate a track at once (assumed)."""
+
+LEAST_PULSES, LEAST_WINDOWS, MAX_ROWS = 4, 4, 200
+"""Number of pulses and of windows with pulses that initiate a track where the lines of sight cross, whatever their age,
+and number of the latest groups that are searched (assumed)."""
+
+MAX_ATTEMPTS = 5
+"""Number of crossings that are tried if the first ones are positions of known sources (assumed)."""
+
+INITIAL_RANGE_M, LEAST_RANGE_M = 10.0, 0.5
+"""Largest initial range of a source of which only the direction is known, and least range of a crossing (assumed)."""
+
+
+class Crossing(NamedTuple):
+    """Initial position of a source.
+
+    Attributes:
+        rows: Groups whose lines of sight cross there.
+        position_m: Position, world frame, shape (3,).
+        covariance_m2: Covariance, shape (3, 3).
+    """
+
+    rows: IntArray
+    position_m: FloatArray
+    covariance_m2: FloatArray
+
+
+def find_crossing(
+    groups: Groups,
+    is_unexplained: BoolArray,
+    window: IntArray,
+    time_s: float,
+    occupied_m: FloatArray,
+    least_apart_m: float,
+) -> Crossing | None:
+    """Find a position that explains groups which no source explains.
+
+    Args:
+        groups: All groups so far.
+        is_unexplained: True for groups that may initiate a track, shape (n,).
+        window: Number of the window of each group, shape (n,).
+        time_s: Time of the latest pose.
+        occupied_m: Positions of known sources, shape (n_sources, 3).
+        least_apart_m: Least horizontal distance from these.
+    """
+    free = np.flatnonzero(is_unexplained & (groups.std_rad < LARGEST_STD_RAD))
+    for _ in range(MAX_ATTEMPTS):
+        crossing = _crossing(groups, free, window, time_s)
+        if crossing is None:
+            return None
+        apart_m = np.linalg.norm(occupied_m[:, :2] - crossing.position_m[:2], axis=-1)
+        if apart_m.min(initial=np.inf) >= least_apart_m:
+            return crossing
+        free = np.setdiff1d(free, crossing.rows)
+    return None
+
+
+def _crossing(groups: Groups, rows: IntArray, window: IntArray, time_s: float) -> Crossing | None:
+    """Find where most of the lines of sight of some groups cross."""
+    recent = rows[groups.time_s[rows] > time_s - RECENT_S]
+    bearing = groups.azimuth_rad[recent] + groups.pose[recent, 2]
+    is_near = np.abs(difference(bearing[:, np.newaxis], bearing)) < SECTOR_RAD
+    in_sector = is_near @ groups.n_pulses[recent]
+    if in_sector.max(initial=0.0) >= SECTOR_PULSES:
+        rows = recent[is_near[in_sector.argmax()]]
+    else:
+        rows = rows[-MAX_ROWS:]
+        if np.unique(window[rows]).size < LEAST_WINDOWS:
+            return None
+    if groups.n_pulses[rows].sum() < LEAST_PULSES:
+        return None
+    bearing = groups.azimuth_rad[rows] + groups.pose[rows, 2]
+    own, last_m = rows, groups.pose[rows[-1], :2]
+    sight_m = INITIAL_RANGE_M * unit_vector(bearing[-1])
+    if rows.size > 1:
+        std_rad = np.hypot(groups.std_rad[rows], EXTRA_STD_RAD)
+        crossed = triangulate(groups.pose[rows, :2], bearing, std_rad)
+        own = rows[crossed.is_inlier]
+        if groups.n_pulses[own].sum() < LEAST_PULSES:
+            return None
+        last_m = groups.pose[own[-1], :2]
+        sight_m = crossed.position_m - last_m
+        is_crossing = bool(np.isfinite(crossed.covariance_m2).all())
+        range_m = float(np.linalg.norm(sight_m))
+        if range_m < LEAST_RANGE_M:  # lines of sight from one place cross there
+            sight_m = INITIAL_RANGE_M * unit_vector(bearing[-1])
+        elif is_crossing and ellipse95(crossed.covariance_m2).semi_major_m <= range_m:
+            return Crossing(own, with_height(crossed.position_m), with_height_covariance(crossed.covariance_m2))
+    range_m = float(np.linalg.norm(sight_m))
+    initial_m = min(range_m, INITIAL_RANGE_M)
+    position_m = last_m + sight_m * initial_m / max(range_m, 1e-9)
+    return Crossing(own, with_height(position_m), with_height_covariance(0.25 * initial_m**2 * np.eye(2)))

@@ -1,0 +1,277 @@
+"""Pool of all pulses of a mission: averages of pulses of one place, heading and direction, and where the array was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dirmusic.angles import difference
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.locating.protocol import LineOfSight, PoseError
+from dirmusic.pulses.batch import PulseBatch
+
+PLACE_M = 0.5
+"""Side of the grid cells of the ground; poses in one cell count as one place. Assumed: several pose errors."""
+
+WINDOW_S = 5.0
+"""Length of the time windows within which pulses are pooled, and in which a source is on or off (assumed)."""
+
+LEVEL_STEP_DB, HEADING_STEP_RAD, BEARING_STEP_RAD = 6.0, np.radians(10.0), np.radians(6.0)
+"""Widths of the sectors of level, heading and direction whose pulses are pooled. Assumed: 6 dB separate most sources of
+different level, and gains are nearly linear over 5 degrees."""
+
+ACCURATE_RAD = np.radians(2.0)
+"""Standard deviation of the direction above which its sector is 2, 4, ... 32 times as wide (assumed)."""
+
+ROUNDING = 1e-6
+"""Share of a window or second by which a time may be rounded down."""
+
+
+class Groups(NamedTuple):
+    """Groups of pulses, one per row.
+
+    Attributes:
+        time_s: Mean time, shape (n,).
+        pose: Mean pose, shape (n, 3).
+        place: Row in `PulsePool.places_m`, shape (n,).
+        strengths: Mean strengths scaled to unit norm, 0 for channels that are not usable, shape (n, n_elements).
+        variance: Noise variance of the mean, shape (n, n_elements).
+        is_usable: True for usable channels, shape (n, n_elements).
+        level_db: Mean level at the array, dB relative to 1 V, shape (n,).
+        azimuth_rad: Mean direction as estimated in the plane, array frame, shape (n,).
+        std_rad: Standard deviation of this direction by noise, shape (n,).
+        n_pulses: Number of pulses, shape (n,).
+    """
+
+    time_s: FloatArray
+    pose: FloatArray
+    place: IntArray
+    strengths: FloatArray
+    variance: FloatArray
+    is_usable: BoolArray
+    level_db: FloatArray
+    azimuth_rad: FloatArray
+    std_rad: FloatArray
+    n_pulses: FloatArray
+
+    def take(self, rows: IntArray | BoolArray | slice) -> Groups:
+        """Select groups."""
+        columns: list[Any] = [column[rows] for column in self]
+        return Groups(*columns)
+
+    def followed_by(self, later: Groups) -> Groups:
+        """Append groups."""
+        columns: list[Any] = [np.concatenate(pair) for pair in zip(self, later, strict=True)]
+        return Groups(*columns)
+
+
+class PulsePool:
+    """All pulses so far, pooled, in the order in which they were added.
+
+    Windows and seconds are counted from the first pose. The groups of a window are settled when a pulse of a later
+    window has been pooled.
+
+    Args:
+        n_elements: Number of elements of the array.
+        height_m: Height of the array.
+        pose_error: Error of the poses.
+
+    Attributes:
+        groups: Groups so far.
+        n_settled: Number of leading groups that later pulses cannot change.
+        group: Row in `groups` of each pulse, shape (n_pulses,).
+        places_m: Places of the array, one for each visited grid cell, shape (n_places, 3), world frame.
+        listened: Row in `places_m` for each second of the mission, with or without pulses, shape (n_seconds,).
+        listened_s: Time of those seconds.
+    """
+
+    def __init__(self, n_elements: int, height_m: float, pose_error: PoseError) -> None:
+        self._open = PulseBatch.none(n_elements), np.empty((0, 3)), np.empty(0, dtype=np.intp)
+        self.group: IntArray = np.empty(0, dtype=np.intp)
+        self.groups: Groups = pool_pulses(*self._open, self.group)
+        self.n_settled = 0
+        self.places_m = np.empty((0, 3))
+        self.listened, self.listened_s = np.empty(0, dtype=np.intp), np.empty(0)
+        self._height_m, self._window_s = height_m, max(WINDOW_S, pose_error.correlation_s)
+        self._start_s: float | None = None
+        self._cells: dict[tuple[int, int], int] = {}
+        self._added: list[tuple[float, FloatArray, PulseBatch]] = []
+
+    def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
+        """Add the pulses that were detected at one pose: x m, y m, yaw rad, world frame, shape (3,)."""
+        self._added.append((time_s, pose, pulses))
+
+    def pool(self) -> None:
+        """Pool the pulses that were added since the last call."""
+        if not self._added:
+            return
+        times_s, each_pose, batches = zip(*self._added, strict=True)
+        self._added = []
+        self._start_s = times_s[0] if self._start_s is None else self._start_s
+        n_each, places = [batch.n_pulses for batch in batches], np.array([self._place_of(pose) for pose in each_pose])
+        self._listen(times_s, places)
+        latest = PulseBatch.join([batch.without_bands() for batch in batches])
+        open_pulses, open_pose, open_place = self._open
+        pulses = PulseBatch.join([open_pulses, latest._replace(time_s=np.repeat(times_s, n_each))])
+        pose = np.concatenate([open_pose, np.repeat(each_pose, n_each, axis=0)])
+        place = np.concatenate([open_place, np.repeat(places, n_each)])
+        window = self.window_of(pulses.time_s)
+        is_settled = window < window.max(initial=0)
+        self.groups = self.groups.take(slice(self.n_settled))
+        self.group = self.group[: self.group.size - open_place.size]
+        for part in (is_settled, ~is_settled):
+            self.n_settled = len(self.groups.time_s)
+            own = pulses.take(part), pose[part], place[part]
+            number = group_numbers(*own, window[part])
+            self.group = np.concatenate([self.group, self.n_settled + number])
+            self.groups, self._open = self.groups.followed_by(pool_pulses(*own, number)), own
+
+    def window_of(self, time_s: FloatArray) -> IntArray:
+        """Return the number of the time window of each time (n,), from 0 on."""
+        start_s = 0.0 if self._start_s is None else self._start_s
+        return np.floor((time_s - start_s) / self._window_s + ROUNDING).astype(np.intp)
+
+    def _listen(self, times_s: Sequence[float], places: IntArray) -> None:
+        """Record one place of the array for each second."""
+        assert self._start_s is not None
+        second = np.floor(np.asarray(times_s) - self._start_s + ROUNDING)
+        last = self.listened_s[-1] - self._start_s + 0.5 if self.listened_s.size else -1.0
+        _, first = np.unique(second, return_index=True)
+        first = first[second[first] > last]
+        self.listened_s = np.append(self.listened_s, self._start_s + second[first])
+        self.listened = np.append(self.listened, places[first])
+
+    def _place_of(self, pose: FloatArray) -> int:
+        """Return the row in `places_m` of the cell of a pose, and add the cell if it is new."""
+        cell = int(pose[0] // PLACE_M), int(pose[1] // PLACE_M)
+        if cell not in self._cells:
+            self._cells[cell] = len(self.places_m)
+            self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self._height_m]]])
+        return self._cells[cell]
+
+
+def group_numbers(pulses: PulseBatch, pose: FloatArray, place: IntArray, window: IntArray) -> IntArray:
+    """Assign pulses to groups, numbered in the order of their first pulses.
+
+    The pulses of a group share a window, a place, and sectors of heading, level and direction.
+
+    Args:
+        pulses: Pulses with their directions, n rows.
+        pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
+        place: Place of each pulse, shape (n,).
+        window: Time window of each pulse, shape (n,).
+
+    Returns:
+        Number of the group of each pulse, shape (n,).
+    """
+    norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
+    level = np.floor(20 * np.log10(np.maximum(norm_v, 1e-12)) / LEVEL_STEP_DB)
+    doublings = np.clip(np.ceil(np.log2(np.maximum(pulses.std_rad, 1e-6) / ACCURATE_RAD)), 0, 5)
+    bearing = np.floor(np.mod(pulses.azimuth_rad + pose[:, 2], 2 * np.pi) / (BEARING_STEP_RAD * 2.0**doublings))
+    keys = np.column_stack([window, place, np.floor(pose[:, 2] / HEADING_STEP_RAD), level, doublings, bearing])
+    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    return order[number.ravel()].astype(np.intp)
+
+
+def pool_pulses(pulses: PulseBatch, pose: FloatArray, place: IntArray, group: IntArray) -> Groups:
+    """Average the pulses of each group, weighted by their noise.
+
+    The amplitudes of pulses differ, so strengths are divided by their norm first. Each channel is averaged over the
+    pulses in which it is usable.
+
+    Args:
+        pulses: Pulses with their directions, n rows.
+        pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3); nearly equal within a group.
+        place: Place of each pulse, shape (n,).
+        group: Number of the group of each pulse, from 0 without gaps, shape (n,).
+    """
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    row = np.repeat(np.arange(starts.size), np.diff(starts, append=order.size))
+    pulses, pose = pulses.take(order), pose[order]
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.add.reduceat(values, starts, axis=0) if starts.size else values[:0]
+
+    usable_v = pulses.strengths_v * pulses.is_usable
+    norm_v = np.maximum(np.linalg.norm(usable_v, axis=-1, keepdims=True), np.finfo(np.float64).tiny)
+    weight = pulses.is_usable * norm_v**2 / np.maximum(pulses.variance_v2, np.finfo(np.float64).tiny)
+    of_channel = total(weight)
+    is_usable = of_channel > 0.0
+    of_channel = np.where(is_usable, of_channel, 1.0)
+    strengths, variance = total(weight * usable_v / norm_v) / of_channel, np.where(is_usable, 1.0 / of_channel, 0.0)
+    norm = np.maximum(np.linalg.norm(strengths, axis=-1, keepdims=True), np.finfo(np.float64).tiny)
+    precision = 1.0 / np.square(pulses.std_rad)
+    of_bearing, n_pulses = total(precision), total(np.ones(row.size))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return total(precision * values) / of_bearing
+
+    azimuth_rad = pulses.azimuth_rad[starts] + mean(difference(pulses.azimuth_rad, pulses.azimuth_rad[starts][row]))
+    yaw_rad = pose[starts, 2] + mean(difference(pose[:, 2], pose[starts, 2][row]))
+    return Groups(
+        time_s=mean(pulses.time_s),
+        pose=np.column_stack([mean(pose[:, 0]), mean(pose[:, 1]), yaw_rad]),
+        place=place[order][starts],
+        strengths=strengths / norm,
+        variance=variance / norm**2,
+        is_usable=is_usable,
+        level_db=total(20 * np.log10(norm_v[:, 0])) / np.maximum(n_pulses, 1.0),
+        azimuth_rad=difference(azimuth_rad, 0.0),
+        std_rad=1.0 / np.sqrt(of_bearing),
+        n_pulses=n_pulses,
+    )
+
+
+class Visibility:
+    """Transmission of the direct path from all places to a target, according to the map.
+
+    Args:
+        pool: Pool whose places are used.
+        sight: Transmission along lines of sight; None without a map.
+    """
+
+    def __init__(self, pool: PulsePool, sight: LineOfSight | None) -> None:
+        self._pool, self._sight = pool, sight
+        self._known: dict[tuple[float, ...], FloatArray] = {}
+
+    @property
+    def has_map(self) -> bool:
+        """True if a map of obstacles is known."""
+        return self._sight is not None
+
+    def transmission(self, target_m: FloatArray, within_m: float) -> FloatArray:
+        """Return the transmission factor from every place to a target (3,), shape (n_places,); see `LineOfSight`.
+
+        Targets are rounded to 0.1 m. Assumed: findings that are already located move less. The results for the last
+        1000 targets are cached. For places added later, only the missing entries are computed.
+        """
+        places_m = self._pool.places_m
+        if self._sight is None:
+            return np.ones(len(places_m))
+        steps = np.rint(target_m / 0.1).astype(np.intp).tolist()
+        key = (*steps, within_m)
+        known = self._known.get(key, np.empty(0))
+        if known.size < len(places_m):
+            more = self._sight(places_m[known.size :], np.array(steps) * 0.1, within_m)
+            known = self._known[key] = np.concatenate([known, more])
+            if len(self._known) > 1000:
+                del self._known[next(iter(self._known))]
+        return known
+
+    def at_heights(self, position_m: FloatArray, height_std_m: float) -> FloatArray:
+        """Return the transmission from all places to a source at likely heights, shape (4, n_places).
+
+        The heights are one standard deviation below the estimate, the estimate, and one and two above it; more above,
+        because obstacles are more often below a source. Equipment within 0.6 m of the target is ignored. All assumed.
+
+        Args:
+            position_m: Position of the source, world frame, shape (3,).
+            height_std_m: Standard deviation of its height.
+        """
+        targets = np.tile(position_m, (4, 1))
+        targets[:, 2] = np.maximum(targets[:, 2] + height_std_m * np.array([-1.0, 0.0, 1.0, 2.0]), 0.1)
+        return np.array([self.transmission(target_m, 0.6) for target_m in targets])

@@ -1,0 +1,77 @@
+"""Evidence for the existence of a source: pulses, silence and images."""
+
+import numpy as np
+import pytest
+
+from dirmusic.arrays import FloatArray
+from dirmusic.locating.association import Association, Comparison, Level
+from dirmusic.locating.existence import image_evidence, log_ratios, pulse_evidence, rate_evidence
+
+LEVEL = Level(-5.0, 2.0)
+
+
+def ratios_of(bearing_sigmas: float, level_db: float, n: int) -> FloatArray:
+    """Return the log ratios of n pulses that are off in bearing and level."""
+    one = np.ones(n)
+    compared = Comparison(
+        0.0 * one, (LEVEL.mean_db + level_db) * one, 2.0 * one, 0.05 * one, bearing_sigmas * one, one, 5.0 * one
+    )
+    return log_ratios(compared, LEVEL, one)
+
+
+def evidence(n_windows: int, n_each: int, bearing_sigmas: float = 0.5, level_db: float = 1.0) -> float:
+    """Return the evidence of a single source by pulses in windows."""
+    n = n_windows * n_each
+    share = np.tile([[0.8], [0.2]], (1, n))
+    association = Association(np.full((1, n), 0.9), np.zeros((1, n)), share)
+    ratios = ratios_of(bearing_sigmas, level_db, n)[np.newaxis]
+    return float(pulse_evidence(ratios, association, np.repeat(np.arange(n_windows), n_each))[0])
+
+
+def test_evidence_grows_with_windows_not_with_repetitions() -> None:
+    """Each window counts once, whatever the number of its pulses."""
+    assert evidence(1, 1) > 0.5
+    assert evidence(8, 5) == pytest.approx(8.0 * evidence(1, 5))
+    assert evidence(4, 50) == pytest.approx(evidence(4, 2))
+
+
+def test_scattered_pulses_are_evidence_against_a_source() -> None:
+    """Bearings or levels that scatter more than their errors lower the odds."""
+    assert evidence(5, 3, bearing_sigmas=4.0) < 0.0
+    assert evidence(5, 3, level_db=15.0) < 0.0
+    assert evidence(5, 3) > evidence(5, 3, bearing_sigmas=2.0) > evidence(5, 3, bearing_sigmas=4.0)
+
+
+def test_source_in_the_shadow_of_another_has_little_evidence() -> None:
+    """A second source that explains the same pulses takes the evidence of both."""
+    n, share = 6, np.tile([[0.45], [0.45], [0.1]], (1, 6))
+    both = Association(np.full((2, n), 0.5), np.zeros((2, n)), share)
+    own = pulse_evidence(np.tile(ratios_of(0.5, 1.0, n), (2, 1)), both, np.arange(n))
+    assert (own < 0.5 * evidence(n, 1)).all()
+
+
+def test_rate_counts_where_a_source_is_visible() -> None:
+    """Other numbers than expected lower the odds where detections were expected, up to the share of being off."""
+    silent, expected = np.zeros(4), np.full(4, 20.0)
+    assert rate_evidence(np.zeros(4), silent) == 0.0
+    assert rate_evidence(expected, silent) == pytest.approx(4 * np.log(0.1), rel=0.01)
+    assert rate_evidence(expected[:2], silent[:2]) == pytest.approx(0.5 * rate_evidence(expected, silent))
+    assert rate_evidence(expected, expected) > 0.0 > rate_evidence(expected, 8.0 * expected)
+    assert abs(rate_evidence(np.full(4, 1.0), silent)) < 1.0  # a slow source is often silent for a window
+
+
+def image(senior: float, expected: float, *, is_too_strong: bool = False, n_windows: int = 5) -> float:
+    """Return the evidence against an image, detected each second in windows of 5 s with a senior source or without."""
+    window = np.repeat(np.arange(n_windows), 5)
+    n = window.size
+    strong = np.full(n, is_too_strong)
+    return image_evidence(window, np.ones(n), np.full(n, senior), np.full(n, expected), strong)
+
+
+def test_image_is_detected_only_while_the_senior_is_missing() -> None:
+    """Detections in place of the senior source refute; those together with it, or too strong ones, support."""
+    assert image(0.0, 5.0) < -5.0
+    assert image(3.0, 5.0) > 5.0
+    assert image(0.0, 0.0) == image(3.0, 0.0) == 0.0  # the senior source is hidden
+    assert image(0.0, 5.0, is_too_strong=True) > 10.0
+    assert image(0.0, 5.0, n_windows=10) == pytest.approx(2.0 * image(0.0, 5.0))
