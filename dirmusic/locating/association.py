@@ -35,10 +35,7 @@ MAP_ERROR_SHARE = 0.5
 
 EQUAL_LOSS_DB, LOSS_SCALE_DB = 6.0, 1.5
 """Attenuation at which the direct path is the strongest one in half of the cases, and scale of the logistic function of
-that probability (assumed): 0.98 in free sight, `WRONG_MAP` and 0.02 behind two insulators or metal."""
-
-WRONG_MAP = 0.05
-"""Probability that the map hides a source from a place that sees it (assumed)."""
+that probability (assumed): 0.98 in free sight, 0.02 behind two insulators or metal."""
 
 LEAST_TRANSMISSION = 10 ** (-20.0 / 20.0)
 """Least transmission that levels are corrected for (assumed): beyond it, other paths are stronger."""
@@ -115,7 +112,7 @@ def pooled(groups: Groups) -> PooledPulses:
 def direct_probability(transmission: FloatArray) -> FloatArray:
     """Return the probability that the direct path is the strongest one, by its transmission, same shape."""
     loss_db = -20.0 * np.log10(np.maximum(transmission, 1e-3))
-    return WRONG_MAP + (1.0 - WRONG_MAP) * expit((EQUAL_LOSS_DB - loss_db) / LOSS_SCALE_DB)
+    return expit((EQUAL_LOSS_DB - loss_db) / LOSS_SCALE_DB)
 
 
 def compare_groups(

@@ -7,7 +7,7 @@ levels then change in any way, and so does their number. A group of pulses contr
             + \ln\frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
 
 where a wandering wave changes its bearing by :math:`\Delta` and its level by :math:`\Lambda` from one window to the
-next, and v is the probability of a direct path. A window counts once, because its errors are shared. See
+next, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once, because its errors are shared. See
 `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
 """
 
@@ -22,6 +22,9 @@ from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 
 WANDER_RAD, WANDER_DB = np.radians(40.0), 12.0
 """Change of bearing and level of a wandering wave between independent observations (assumed)."""
+
+WRONG_MAP = 0.1
+"""Probability that the map hides a source from a place that sees it (assumed)."""
 
 OFF = 0.1
 """Share of windows in which a source may be off (assumed)."""
@@ -47,7 +50,7 @@ def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> Floa
     return (
         _log_ratio(compared.bearing_offset, compared.bearing_std_rad, WANDER_RAD)
         + _log_ratio((compared.level_db - level.mean_db) / std_db, std_db, WANDER_DB)
-        + np.log(compared.direct)
+        + np.log(np.maximum(compared.direct, WRONG_MAP))
     )
 
 
