@@ -7,8 +7,8 @@ levels then change in any way, and so does their number. A group of pulses contr
             + \ln\frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
 
 where a wandering wave changes its bearing by :math:`\Delta` and its level by :math:`\Lambda` from one window to the
-next, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once, because its errors are shared. See
-`pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
+next, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once, because its errors are
+shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
 """
 
 from __future__ import annotations
