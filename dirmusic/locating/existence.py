@@ -119,7 +119,7 @@ def level_evidence(level: Level) -> float:
 def image_evidence(
     window: IntArray, count: FloatArray, senior: FloatArray, expected: FloatArray, is_too_strong: BoolArray
 ) -> float:
-    """Return the log odds of a source of its own against an image of a senior one: each emission is received once.
+    """Return the log odds of a separate source against an image of a senior one: each emission is received once.
 
     Args:
         window: Window of each second, shape (n_seconds,).

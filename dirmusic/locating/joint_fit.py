@@ -313,7 +313,7 @@ class JointFit:
         return lambda state: cost(state.tobytes()), prior
 
     def _with_level_prior(self, state: FloatArray, expansion: CostExpansion) -> CostExpansion:
-        """Add the prior of the mean level of each source to the cost; its derivatives are those of the range."""
+        """Add the prior of the mean level of each source to the cost; it depends on the range."""
         cost, gradient, hessian = expansion.cost, expansion.gradient, expansion.hessian
         sight_m = state[: self._places_m.size].reshape(-1, N_PLACE)[self._source, :2] - self._pulses.pose[:, :2]
         range2_m2 = np.maximum(np.square(sight_m).sum(axis=-1), 0.1)

@@ -465,7 +465,7 @@ class Locator:
         return Detections(detected, np.where(is_visible, rate, 0.0), strongest_db, free_db)
 
     def _describe(self, track: Track, time_s: float) -> None:
-        """Update what the finding states about its pulses, and its state."""
+        """Update number, times and aperture of the pulses of a track, and its state."""
         groups, rows = self._pool.groups, np.flatnonzero(track.direct > 0.5)
         if rows.size:
             off_m = groups.pose[rows, :2] - track.position_m[:2]
@@ -494,7 +494,7 @@ def weighted_median(values: FloatArray, weight: FloatArray) -> float:
     """Return the weighted median of values (n,)."""
     order = np.argsort(values)
     total = np.cumsum(weight[order])
-    return float(values[order[min(np.searchsorted(total, 0.5 * total[-1]), values.size - 1)]])
+    return float(values[order[min(int(np.searchsorted(total, 0.5 * total[-1])), values.size - 1)]])
 
 
 def choose_evenly(numbers: IntArray, most: int) -> IntArray:

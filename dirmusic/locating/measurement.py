@@ -7,7 +7,7 @@ the strength :math:`A h_i`,
           (1 + e_i) \left(b_i (g(\psi_i - w \sin\psi_i) + \delta_i) + c_i\right) + o_i \right)
 
 at distance :math:`r_i` and angle :math:`\psi_i` off its boresight, which is turned by the pointing error :math:`d_i`
-and by the tilt of the mount. Pattern g, factor :math:`b_i` and offset :math:`c_i` are those of the data sheet;
+and by the tilt of the mount. Pattern g, factor :math:`b_i` and offset :math:`c_i` come from the data sheet;
 :math:`\delta_i` is the error of the pattern, and :math:`F_i` the effect of the wave reflected by the ground, see
 `ground_wave`.
 

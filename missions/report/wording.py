@@ -141,7 +141,7 @@ def phase_text(phase: Phase) -> str:
 
 
 def inspection_text(inspection: SiteInspections) -> str:
-    """Return how many sites were inspected and what is excluded there, without a full stop."""
+    """Return the number of inspected sites and the discharges that are excluded there, without a full stop."""
     n_inspected, plural = len(inspection.names("inspected")), "" if inspection.rate_hz == 1.0 else "s"
     return (
         f"{n_inspected} of {len(inspection.sites)} sites were inspected: a discharge of {inspection.level_db:.0f} dBV "
