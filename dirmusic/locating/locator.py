@@ -494,7 +494,8 @@ def weighted_median(values: FloatArray, weight: FloatArray) -> float:
     """Return the weighted median of values (n,)."""
     order = np.argsort(values)
     total = np.cumsum(weight[order])
-    return float(values[order[min(int(np.searchsorted(total, 0.5 * total[-1])), values.size - 1)]])
+    middle = int(np.count_nonzero(total < 0.5 * total[-1]))
+    return float(values[order[min(middle, values.size - 1)]])
 
 
 def choose_evenly(numbers: IntArray, most: int) -> IntArray:
