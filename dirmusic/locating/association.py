@@ -27,6 +27,9 @@ LEVEL_RANGE_DB, MULTIPATH_RANGE_DB = 50.0, 30.0
 """Range over which the levels of pulses of no source, and of multipath below the direct path, are uniformly distributed
 (assumed)."""
 
+INTERFERENCE_DB = 3.0
+"""Typical rise of a level by interference between several paths (assumed)."""
+
 LEVEL_ERROR_DB = 2.0
 """Standard deviation of a mean level due to reflections and to equipment on the path (assumed)."""
 
@@ -83,6 +86,10 @@ class Level(NamedTuple):
 
     mean_db: float
     spread_db: float
+
+    def limit_db(self, range_m: FloatArray) -> FloatArray:
+        """Return the level at the array that pulses on any path hardly exceed, for distances (n,)."""
+        return self.mean_db + 2.0 * self.spread_db + INTERFERENCE_DB - 20.0 * np.log10(range_m)
 
 
 class Association(NamedTuple):
@@ -185,7 +192,7 @@ def associate(
         std_db = level_std(of_source, level, groups.n_pulses)
         off = (of_source.level_db - level.mean_db) / std_db
         of_level = -0.5 * np.square(off) - np.log(np.sqrt(2.0 * np.pi) * std_db)
-        limit_db = level.mean_db + level.spread_db - 20.0 * np.log10(of_source.range_m)
+        limit_db = level.limit_db(of_source.range_m)
         direct.append(of_source.log_density + of_level + np.log(of_source.direct))
         is_weaker = located & (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)
         with np.errstate(divide="ignore"):

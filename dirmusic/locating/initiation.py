@@ -8,7 +8,7 @@ import numpy as np
 
 from dirmusic.angles import difference, unit_vector
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.bearing_fit import triangulate
+from dirmusic.locating.bearing_fit import INLIER_SIGMAS, triangulate
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.joint_fit import with_height, with_height_covariance
 from dirmusic.locating.pulse_pool import Groups
@@ -23,6 +23,9 @@ RECENT_S, SECTOR_RAD, SECTOR_PULSES = 10.0, np.radians(10.0), 6
 LEAST_PULSES, LEAST_WINDOWS, MAX_ROWS = 4, 4, 200
 """Number of pulses and of windows with pulses that initiate a track where the lines of sight cross, whatever their age,
 and number of the latest groups that are searched (assumed)."""
+
+SIGNIFICANT = 5.0
+"""Least log likelihood ratio of a crossing against chance (assumed)."""
 
 MAX_ATTEMPTS = 5
 """Number of crossings that are tried if the first ones are positions of known sources (assumed)."""
@@ -48,6 +51,7 @@ class Crossing(NamedTuple):
 def find_crossing(
     groups: Groups,
     is_unexplained: BoolArray,
+    may_be_multipath: BoolArray,
     window: IntArray,
     time_s: float,
     occupied_m: FloatArray,
@@ -58,6 +62,7 @@ def find_crossing(
     Args:
         groups: All groups so far.
         is_unexplained: True for groups that may initiate a track, shape (n,).
+        may_be_multipath: True for those that need to cross, because they may be multipath of a known source.
         window: Number of the window of each group, shape (n,).
         time_s: Time of the latest pose.
         occupied_m: Positions of known sources, shape (n_sources, 3).
@@ -65,7 +70,7 @@ def find_crossing(
     """
     free = np.flatnonzero(is_unexplained & (groups.std_rad < LARGEST_STD_RAD))
     for _ in range(MAX_ATTEMPTS):
-        crossing = _crossing(groups, free, window, time_s)
+        crossing = _crossing(groups, free, may_be_multipath, window, time_s)
         if crossing is None:
             return None
         apart_m = np.linalg.norm(occupied_m[:, :2] - crossing.position_m[:2], axis=-1)
@@ -75,13 +80,16 @@ def find_crossing(
     return None
 
 
-def _crossing(groups: Groups, rows: IntArray, window: IntArray, time_s: float) -> Crossing | None:
+def _crossing(
+    groups: Groups, rows: IntArray, may_be_multipath: BoolArray, window: IntArray, time_s: float
+) -> Crossing | None:
     """Find where most of the lines of sight of some groups cross."""
-    recent = rows[groups.time_s[rows] > time_s - RECENT_S]
+    recent = rows[(groups.time_s[rows] > time_s - RECENT_S) & ~may_be_multipath[rows]]
     bearing = groups.azimuth_rad[recent] + groups.pose[recent, 2]
     is_near = np.abs(difference(bearing[:, np.newaxis], bearing)) < SECTOR_RAD
     in_sector = is_near @ groups.n_pulses[recent]
-    if in_sector.max(initial=0.0) >= SECTOR_PULSES:
+    is_sector = bool(in_sector.max(initial=0.0) >= SECTOR_PULSES)
+    if is_sector:
         rows = recent[is_near[in_sector.argmax()]]
     else:
         rows = rows[-MAX_ROWS:]
@@ -96,7 +104,8 @@ def _crossing(groups: Groups, rows: IntArray, window: IntArray, time_s: float) -
         std_rad = np.hypot(groups.std_rad[rows], EXTRA_STD_RAD)
         crossed = triangulate(groups.pose[rows, :2], bearing, std_rad)
         own = rows[crossed.is_inlier]
-        if groups.n_pulses[own].sum() < LEAST_PULSES:
+        is_chance = not is_sector and significance(window[rows], std_rad, crossed.is_inlier) < SIGNIFICANT
+        if groups.n_pulses[own].sum() < LEAST_PULSES or is_chance:
             return None
         last_m = groups.pose[own[-1], :2]
         sight_m = crossed.position_m - last_m
@@ -110,3 +119,20 @@ def _crossing(groups: Groups, rows: IntArray, window: IntArray, time_s: float) -
     initial_m = min(range_m, INITIAL_RANGE_M)
     position_m = last_m + sight_m * initial_m / max(range_m, 1e-9)
     return Crossing(own, with_height(position_m), with_height_covariance(0.25 * initial_m**2 * np.eye(2)))
+
+
+def significance(window: IntArray, std_rad: FloatArray, is_inlier: BoolArray) -> float:
+    """Return the log likelihood ratio of a crossing against lines of sight in random directions.
+
+    The number of windows with an inlier is compared with the number expected at any point, as Poisson counts.
+
+    Args:
+        window: Number of the window of each line of sight, shape (n,).
+        std_rad: Standard deviation of its direction, shape (n,).
+        is_inlier: True for those that cross, shape (n,).
+    """
+    log_missed = np.log1p(-np.minimum(INLIER_SIGMAS * std_rad / np.pi, 0.9))
+    windows, number = np.unique(window, return_inverse=True)
+    expected = float(-np.expm1(np.bincount(number.ravel(), log_missed, minlength=windows.size)).sum())
+    observed = np.unique(window[is_inlier]).size
+    return float(observed * np.log(max(observed, 1) / expected) - observed + expected) if observed > expected else 0.0

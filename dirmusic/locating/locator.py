@@ -11,7 +11,7 @@ from scipy.special import logit
 from dirmusic.angles import aperture, azimuth_of
 from dirmusic.array.element_errors import Learned
 from dirmusic.array.model import ArrayModel
-from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import (
     EQUAL_LOSS_DB,
     Association,
@@ -59,8 +59,15 @@ UNEXPLAINED_PROBABILITY, LEAST_NEW, LEAST_NEW_SHARE = 0.3, 4, 0.1
 """Probability of any source below which a group may initiate a track, and change of the number of such pulses,
 absolute and relative, after which initiation is tried again (assumed)."""
 
+ACTIVE_SHARE = 0.1
+"""Share of the pulses of a window above which a source is active there (assumed)."""
+
 APART_M = 0.3
 """Least distance of a new track from others (assumed)."""
+
+LEAST_UNTRIED = 0.5
+"""Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
+has twice as many pulses."""
 
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
@@ -85,9 +92,6 @@ source is expected to be detected (assumed)."""
 SPREAD_DB = (1.5, 8.0)
 """Limits of the estimated spread of levels (assumed)."""
 
-IMAGE_MARGIN_DB = 3.0
-"""Margin above the level on a free path beyond which a pulse is not an image of the source (assumed)."""
-
 
 class Detections(NamedTuple):
     """Detections of a source in each second of the mission; every array has shape (n_seconds,).
@@ -96,13 +100,13 @@ class Detections(NamedTuple):
         detected: Number of detections.
         expected: Expected number of detections; 0 where the source may be hidden or too weak.
         strongest_db: Level of the strongest pulse at the array, dB relative to 1 V; minus infinity without one.
-        free_db: Level at the array on a free path.
+        range_m: Distance of the array.
     """
 
     detected: FloatArray
     expected: FloatArray
     strongest_db: FloatArray
-    free_db: FloatArray
+    range_m: FloatArray
 
 
 class Locator:
@@ -151,6 +155,7 @@ class Locator:
         self._association = Association(np.empty((0, 0)), np.empty((0, 0)), np.empty((1, 0)))
         self._window: IntArray = np.empty(0, dtype=np.intp)
         self._array_tracks: set[int] = set()
+        self._is_tried: BoolArray = np.empty(0, dtype=np.bool_)
         self._n_initiated, self._n_unexplained, self._n_checked, self._next_fit_s = 0, 0, 0, -np.inf
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
@@ -267,7 +272,12 @@ class Locator:
             return
         self._n_unexplained = n_unexplained
         occupied_m = np.array([track.position_m for track in self._tracks]).reshape(-1, N_PLACE)
-        crossing = find_crossing(groups, is_unexplained, self._window, time_s, occupied_m, APART_M)
+        may_be_multipath = np.zeros(groups.time_s.size, dtype=np.bool_)
+        for track, share in zip(self._tracks, self._association.share, strict=False):
+            if track.state == "confirmed":
+                is_weaker = groups.level_db < track.level.limit_db(track.compared.range_m)
+                may_be_multipath |= is_weaker & (share > ACTIVE_SHARE)
+        crossing = find_crossing(groups, is_unexplained, may_be_multipath, self._window, time_s, occupied_m, APART_M)
         candidates = [track for track in self._tracks if track.state == "candidate"]
         stale = [
             track for track in candidates if track.last_s < time_s - STALE_S or track.evidence.pulses < LEAST_EVIDENCE
@@ -275,8 +285,12 @@ class Locator:
         is_full = len(candidates) >= MAX_CANDIDATES
         if crossing is None or (is_full and not stale):
             return
+        is_tried = self._tried()[crossing.rows]
+        if groups.n_pulses[crossing.rows] @ ~is_tried < LEAST_UNTRIED * groups.n_pulses[crossing.rows].sum():
+            return
         if is_full:
-            self._tracks.remove(min(stale, key=lambda track: track.log_odds))
+            dropped = min(stale, key=lambda track: track.log_odds)
+            self._keep([track for track in self._tracks if track is not dropped])
         uncertainty = np.zeros((N_PLACE + self._array_state.size,) * 2)
         uncertainty[:N_PLACE, :N_PLACE] = crossing.covariance_m2
         uncertainty[N_PLACE:, N_PLACE:] = self._array_covariance
@@ -298,6 +312,12 @@ class Locator:
         self._tracks.append(track)
         self._expect()
         track.direct[crossing.rows] = 1.0
+
+    def _tried(self) -> BoolArray:
+        """Return true for groups that a deleted track had, shape (n,)."""
+        n = self._pool.groups.time_s.size
+        self._is_tried = np.pad(self._is_tried[:n], (0, max(n - self._is_tried.size, 0)))
+        return self._is_tried
 
     def _maximise(self, rounds: int) -> None:
         """Fit the array together with the best tracks, then each of the others that has changed."""
@@ -410,6 +430,9 @@ class Locator:
     def _keep(self, tracks: list[Track]) -> None:
         """Keep some of the tracks, and associate all groups with them if there were others."""
         if len(tracks) < len(self._tracks):
+            for track in self._tracks:
+                if track not in tracks:
+                    self._tried()[track.direct > 0.5] = True
             self._tracks = sorted(tracks, key=lambda track: track.id)
             self._expect()
 
@@ -436,8 +459,7 @@ class Locator:
             for senior in tracks:
                 if senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]:
                     other = observed[senior.id]
-                    limit_db = other.free_db + senior.level.spread_db + IMAGE_MARGIN_DB
-                    is_strong = own.strongest_db > limit_db
+                    is_strong = own.strongest_db > senior.level.limit_db(other.range_m)
                     image = image_evidence(window, own.detected, other.detected, other.expected, is_strong)
                     least = min(least, track.evidence.rate + level_evidence(track.level) + image)
             track.evidence = track.evidence._replace(image=least)
@@ -462,7 +484,7 @@ class Locator:
         rate = float(np.median(n_detected[is_active] / n_seconds[is_active])) if is_active.any() else 0.0
         strongest_db = np.full(pool.listened_s.size, -np.inf)
         np.maximum.at(strongest_db, second, np.where(track.direct > 0.5, groups.level_db, -np.inf))
-        return Detections(detected, np.where(is_visible, rate, 0.0), strongest_db, free_db)
+        return Detections(detected, np.where(is_visible, rate, 0.0), strongest_db, range_m)
 
     def _describe(self, track: Track, time_s: float) -> None:
         """Update number, times and aperture of the pulses of a track, and its state."""
