@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import rel_entr
 
 from dirmusic.angles import difference, unit_vector
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
@@ -122,17 +123,18 @@ def _crossing(
 
 
 def significance(window: IntArray, std_rad: FloatArray, is_inlier: BoolArray) -> float:
-    """Return the log likelihood ratio of a crossing against lines of sight in random directions.
+    r"""Return the log likelihood ratio of a crossing against lines of sight in random directions.
 
-    The number of windows with an inlier is compared with the number expected at any point, as Poisson counts.
+    In each window, the share m of the lines of sight that cross there is compared with the share e of those that pass
+    any point by chance. A window counts once: :math:`\sum m \ln(m / e) + (1 - m) \ln((1 - m) / (1 - e))` over m > e.
 
     Args:
         window: Number of the window of each line of sight, shape (n,).
         std_rad: Standard deviation of its direction, shape (n,).
         is_inlier: True for those that cross, shape (n,).
     """
-    log_missed = np.log1p(-np.minimum(INLIER_SIGMAS * std_rad / np.pi, 0.9))
-    windows, number = np.unique(window, return_inverse=True)
-    expected = float(-np.expm1(np.bincount(number.ravel(), log_missed, minlength=windows.size)).sum())
-    observed = np.unique(window[is_inlier]).size
-    return float(observed * np.log(max(observed, 1) / expected) - observed + expected) if observed > expected else 0.0
+    _, number, count = np.unique(window, return_inverse=True, return_counts=True)
+    share = np.bincount(number, is_inlier, minlength=count.size) / count
+    by_chance = np.bincount(number, np.minimum(INLIER_SIGMAS * std_rad / np.pi, 0.9), minlength=count.size) / count
+    ratio = rel_entr(share, by_chance) + rel_entr(1.0 - share, 1.0 - by_chance)
+    return float(ratio[share > by_chance].sum())

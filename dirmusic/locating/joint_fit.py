@@ -92,9 +92,9 @@ converges, and with 1 it takes twice as many rounds."""
 LEAST_FREEDOM = 0.2
 """Least share of the data that is taken to remain for the estimate of unexplained errors (assumed)."""
 
-MAX_STEPS, MAX_IDLE_STEPS, MIN_GAIN = 30, 3, 1e-6
-"""Limits that end a fit: number of steps, number of consecutive rejected steps, and relative decrease of the cost per
-step."""
+MAX_STEPS, MAX_IDLE_STEPS, MIN_GAIN = 30, 3, 0.01
+"""Limits that end a fit: number of steps, number of consecutive rejected steps, and decrease of the cost by a step, after
+which the next would gain much less."""
 
 
 DB = 20.0 / np.log(10.0)
@@ -341,7 +341,7 @@ class JointFit:
             nonlocal last_cost, n_idle
             now = float(intermediate_result.fun)
             n_idle = n_idle + 1 if now == last_cost else 0
-            if n_idle >= MAX_IDLE_STEPS or 0.0 < last_cost - now < MIN_GAIN * abs(now):
+            if n_idle >= MAX_IDLE_STEPS or 0.0 < last_cost - now < MIN_GAIN:
                 raise StopIteration
             last_cost = now
 

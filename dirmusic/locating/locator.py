@@ -67,7 +67,7 @@ APART_M = 0.3
 
 LEAST_UNTRIED = 0.5
 """Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
-has twice as many pulses."""
+has twice as many pulses, or when a newly confirmed source explains others."""
 
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
@@ -497,6 +497,7 @@ class Locator:
         track.state = self._state(track)
         if track.state == "confirmed" and track.confirmed_s is None:
             track.confirmed_s = time_s
+            self._is_tried[:] = False
 
     def _state(self, track: Track) -> State:
         """Return the state of a track; a confirmed one has more lenient limits."""

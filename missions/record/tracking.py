@@ -60,6 +60,7 @@ class Tracker:
         max_std_rad: float,
     ) -> None:
         self.findings: tuple[Finding, ...] = ()
+        self._located: tuple[Finding, ...] = ()
         self._log = log
         self._locator = locator
         self._built_in = locator if type(locator) is Locator else None
@@ -191,9 +192,9 @@ class Tracker:
         is_tuple = isinstance(findings, tuple) and all(isinstance(finding, Finding) for finding in findings)
         if not is_tuple or len({finding.id for finding in findings}) < len(findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
-        findings = tuple(self._on_map(finding) for finding in findings)
-        if findings == self.findings:
+        if findings == self._located:
             return
+        self._located, findings = findings, tuple(self._on_map(finding) for finding in findings)
         before = {finding.id: finding for finding in self.findings}
         self.findings = findings
         for finding in findings:
