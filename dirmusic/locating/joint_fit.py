@@ -295,7 +295,7 @@ class JointFit:
         prior = StatePrior(
             np.concatenate([self._places_m, of_array.mean]),
             block_diag(np.diag(place_std_m**-2.0), of_array.information),
-            np.concatenate([place_std_m, of_array.spread]),
+            block_diag(np.eye(place_std_m.size), of_array.root),
         )
         noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, levels.unexplained)
         data = self._source, self._probability, self._repeats, self._pulses, self._nominal, noise, ROBUST_SCALE
@@ -334,7 +334,7 @@ class JointFit:
     def _minimise(self, start: FloatArray, levels: ErrorLevels) -> Optimum:
         """Find the most probable state."""
         cost, prior = self._cost(levels)
-        scale, last_cost, n_idle = np.minimum(prior.spread, 1.0), np.inf, 0
+        root, last_cost, n_idle = prior.root, np.inf, 0
 
         def stop(intermediate_result: OptimizeResult) -> None:
             """End the iteration if a step gains too little, or several steps in a row were rejected."""
@@ -346,15 +346,15 @@ class JointFit:
             last_cost = now
 
         found = minimize(
-            lambda x: cost(scale * x).cost,
-            start / scale,
+            lambda x: cost(root @ x).cost,
+            np.linalg.solve(root, start),
             method="trust-exact",
-            jac=lambda x: scale * cost(scale * x).gradient,
-            hess=lambda x: np.multiply.outer(scale, scale) * cost(scale * x).hessian,
+            jac=lambda x: cost(root @ x).gradient @ root,
+            hess=lambda x: root.T @ cost(root @ x).hessian @ root,
             callback=stop,
             options={"maxiter": MAX_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
         )
-        state = scale * np.asarray(found.x, dtype=np.float64)
+        state = (root @ found.x).astype(np.float64)
         covariance = np.linalg.inv(cost(state).hessian).astype(np.float64)
         n_fitted = state.size - float((covariance * prior.information).sum())
         return Optimum(state, cost(state), covariance, n_fitted, cost)
@@ -396,12 +396,13 @@ class StatePrior(NamedTuple):
     Attributes:
         mean: Mean, shape (n_states,).
         information: Inverse of the covariance, shape (n_states, n_states).
-        spread: Standard deviations, shape (n_states,).
+        root: Scale of the states for the optimiser, shape (n_states, n_states): a root of the covariance, but 1 m for
+            positions.
     """
 
     mean: FloatArray
     information: FloatArray
-    spread: FloatArray
+    root: FloatArray
 
 
 def pattern_scale(array: ArrayModel) -> FloatArray:
@@ -423,7 +424,7 @@ def array_prior(array: ArrayModel, levels: ErrorLevels) -> StatePrior:
     mean = np.concatenate([np.zeros(N_COMMON), known.state, np.zeros(N_TERMS)])
     mean[GROUND] = GROUND_PRIOR[0]
     information = block_diag(np.diag(common**-2.0), np.linalg.inv(errors), np.diag(pattern**-2.0))
-    return StatePrior(mean, information, np.concatenate([common, np.sqrt(np.diag(errors)), pattern]))
+    return StatePrior(mean, information, block_diag(np.diag(common), np.linalg.cholesky(errors), np.diag(pattern)))
 
 
 def nominal_array(array: ArrayModel) -> NominalArray:
