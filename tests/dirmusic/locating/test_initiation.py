@@ -12,7 +12,12 @@ NOWHERE_M = np.empty((0, 3))
 
 
 def search(
-    path_m: FloatArray, targets_m: FloatArray, step_s: float, occupied_m: FloatArray = NOWHERE_M, seed: int = 0
+    path_m: FloatArray,
+    targets_m: FloatArray,
+    step_s: float,
+    occupied_m: FloatArray = NOWHERE_M,
+    seed: int = 0,
+    may_be_multipath: bool = False,
 ) -> Crossing | None:
     """Search for a crossing of lines of sight to a target from each place, with errors of 2 degrees."""
     n = len(path_m)
@@ -22,7 +27,8 @@ def search(
     azimuth += np.random.default_rng(seed).normal(0.0, np.radians(2.0), n)
     groups = groups_from(pose, azimuth, 1.0, -10.0, step_s * np.arange(n))
     window = np.floor(groups.time_s / 5.0).astype(np.intp)
-    return find_crossing(groups, np.ones(n, dtype=np.bool_), window, groups.time_s[-1], occupied_m, 0.3)
+    is_free = np.ones(n, dtype=np.bool_)
+    return find_crossing(groups, is_free, is_free & may_be_multipath, window, groups.time_s[-1], occupied_m, 0.3)
 
 
 def test_lines_of_sight_cross_at_the_source() -> None:
@@ -42,6 +48,25 @@ def test_four_pulses_in_four_windows_initiate() -> None:
     for n, step_s, is_enough in ((4, 100.0, True), (3, 100.0, False), (4, 1.0, False)):
         crossing = search(around(SOURCE_M, 5.0, 0.0, 90.0, n), np.tile(SOURCE_M, (n, 1)), step_s)
         assert (crossing is not None) == is_enough
+
+
+def test_multipath_of_a_known_source_initiates_only_where_it_crosses() -> None:
+    """Pulses from one direction within seconds are enough, unless they may be multipath of a known source."""
+    path_m, targets_m = around(SOURCE_M, 5.0, 0.0, 5.0, 8), np.tile(SOURCE_M, (8, 1))
+    assert search(path_m, targets_m, 0.5) is not None
+    assert search(path_m, targets_m, 0.5, may_be_multipath=True) is None
+    path_m = around(SOURCE_M, 5.0, 0.0, 90.0, 8)
+    assert search(path_m, targets_m, 7.0, may_be_multipath=True) is not None
+
+
+def test_lines_of_sight_in_random_directions_initiate_nothing() -> None:
+    """However many lines of sight there are, some cross by chance."""
+    n_initiated = 0
+    for seed in range(40):
+        path_m, rng = around(SOURCE_M, 8.0, 0.0, 300.0, 120), np.random.default_rng(seed)
+        targets_m = path_m + rng.normal(size=(120, 2))
+        n_initiated += search(path_m, targets_m, 1.0, seed=seed, may_be_multipath=True) is not None
+    assert n_initiated <= 2
 
 
 def test_occupied_positions_are_skipped() -> None:
