@@ -82,6 +82,8 @@ class Finding:
         position_m: Position, world frame, shape (3,).
         covariance_m2: Covariance of the position, shape (3, 3), including the errors of the array.
         existence: Probability that a source exists there, in [0, 1].
+        possibly_two: True if two sources close to each other explain its pulses better than one. The covariance then
+            includes their distance.
         n_bearings: Number of its pulses; with a map, only those that were detected in sight of it.
         first_detected_s: Time of its first pulse.
         last_detected_s: Time of its latest pulse, whether in sight of it or not.
@@ -101,6 +103,7 @@ class Finding:
     position_m: FloatArray
     covariance_m2: FloatArray
     existence: float
+    possibly_two: bool = False
     n_bearings: int
     first_detected_s: float
     last_detected_s: float
@@ -139,7 +142,7 @@ class Finding:
             self.last_detected_s,
             np.nan if self.confirmed_s is None else self.confirmed_s,
         )
-        others = (*times_s, self.existence, self.aperture_rad, self.nearest_m, self.level_db)
+        others = (*times_s, self.existence, self.possibly_two, self.aperture_rad, self.nearest_m, self.level_db)
         numbers = np.concatenate([self.position_m, np.ravel(self.covariance_m2), others], dtype=np.float64)
         return self.id, self.state, self.n_bearings, numbers.tobytes()
 

@@ -85,16 +85,15 @@ LEAST_UNEXPLAINED, MOST_UNEXPLAINED, LEAST_PATTERN = 0.01, 1.0, 0.003
 
 UNEXPLAINED_STEPS = 2.0 ** np.array([-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0])
 UNEXPLAINED_PRIOR = (0.04, 1.0)
-RELAXATION = 1.5
-"""Exponent of the correction of unexplained errors, which are only a part of the variance (assumed): below 2 it
-converges, and with 1 it takes twice as many rounds."""
+"""Factors of unexplained errors that are tried in one round; prior median, and standard deviation of the logarithm
+(assumed)."""
 
 LEAST_FREEDOM = 0.2
 """Least share of the data that is taken to remain for the estimate of unexplained errors (assumed)."""
 
 MAX_STEPS, MAX_IDLE_STEPS, MIN_GAIN = 30, 3, 0.01
-"""Limits that end a fit: number of steps, number of consecutive rejected steps, and decrease of the cost by a step, after
-which the next would gain much less."""
+"""Limits that end a fit: number of steps, number of consecutive rejected steps, and decrease of the cost by a step that
+is so small that the next one would gain much less."""
 
 
 DB = 20.0 / np.log(10.0)
@@ -164,14 +163,11 @@ class JointFit:
     The states and their priors are the positions (`POSITION_PRIOR_M`, `HEIGHT_PRIOR_M`), widening, tilt and yaw of the
     mount, the ground reflection, the errors of the elements (spread of the data sheet, or the errors known from earlier
     missions) and the error of the pattern. The levels of unexplained errors and of the pattern error are estimated:
-    after each fit they are set to the values that explain its residuals and the size of its pattern states,
+    after each fit, the first is set to the value with the largest restricted likelihood of the residuals, and the
+    second by a step of the evidence approximation (MacKay, Bayesian interpolation, Neural Computation 4, 1992,
+    section 4):
 
-    .. math:: \sigma^2 \leftarrow \sigma^2 \frac{\sum_k w_k \chi_k^2}{\sum_k w_k \nu_k - \gamma}, \quad
-              \tau^2 \leftarrow \frac{\sum_m c_m^2 / s_m^2}{\sum_m 1 - P_{mm} / (\tau s_m)^2}
-
-    which are the variance of unit weight of geodesy, with the effective number :math:`\gamma` of fitted states, and
-    the step of the evidence approximation (MacKay, Bayesian interpolation, Neural Computation 4, 1992, section 4). The
-    first is overrelaxed, see `RELAXATION`.
+    .. math:: \tau^2 \leftarrow \frac{\sum_m c_m^2 / s_m^2}{\sum_m 1 - P_{mm} / (\tau s_m)^2}
 
     Args:
         pulses: Pooled pulses; their scale does not matter.

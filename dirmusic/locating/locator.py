@@ -38,6 +38,7 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pool import PulsePool, Visibility
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.track import Evidence, Track
+from dirmusic.locating.two_sources import CERTAIN, MOST_APART_M, ONE_SOURCE, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
 INITIAL_LEVELS = ErrorLevels(0.04, 0.05)
@@ -68,6 +69,13 @@ APART_M = 0.3
 LEAST_UNTRIED = 0.5
 """Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
 has twice as many pulses, or when a newly confirmed source explains others."""
+
+TWINS_APART_M = 0.2
+"""Distance within which two tracks are merged that have been split (assumed)."""
+
+LEAST_TESTED, MOST_TESTED, TESTED_GROWTH = 10, 500, 1.5
+"""Least and largest number of groups of a track that are compared with two sources, and growth after which they are
+compared again (assumed)."""
 
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
@@ -204,6 +212,7 @@ class Locator:
             self._expect()
         self._merge()
         self._judge(time_s)
+        self._split()
         self._delete()
         self.findings = tuple(track.finding() for track in self._tracks)
 
@@ -229,7 +238,7 @@ class Locator:
         """Compare groups with a track; earlier results are kept as long as the track has hardly moved."""
         groups = self._pool.groups
         start = min(track.n_compared, groups.time_s.size)
-        unexplained = float(np.hypot(self._levels.unexplained, MULTIPATH))
+        unexplained = float(np.hypot(self._levels.unexplained, 0.0 if track.twin else MULTIPATH))
         noise = Noise(self.pose_error.position_m, self.pose_error.heading_rad, unexplained)
         later = compare_groups(
             groups.take(slice(start, None)),
@@ -406,10 +415,67 @@ class Locator:
         """Merge tracks at one place; the confirmed one, or else the first, is kept."""
         kept: list[Track] = []
         for track in sorted(self._tracks, key=lambda t: (t.state != "confirmed", t.id)):
-            apart_m = [float(np.linalg.norm((track.position_m - other.position_m)[:2])) for other in kept]
-            if min(apart_m, default=np.inf) >= self.rules.merge_m:
+            least_m = {track.twin: TWINS_APART_M}
+            is_apart = [
+                np.linalg.norm((track.position_m - other.position_m)[:2]) >= least_m.get(other.id, self.rules.merge_m)
+                for other in kept
+            ]
+            if all(is_apart):
                 kept.append(track)
         self._keep(kept)
+
+    def _split(self) -> None:
+        """Compare likely tracks with two sources, and split those that certainly are two."""
+        for track in [track for track in self._tracks if track.log_odds > 0.0 and track.semi_major_m < LOCATED_M]:
+            n, _ = self._basis(track)
+            if n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
+                continue
+            near_rad = np.arctan2(MOST_APART_M, track.compared.range_m) + 2.0 * track.compared.bearing_std_rad
+            is_near = np.abs(track.compared.bearing_offset * track.compared.bearing_std_rad) < near_rad
+            free = 1.0 - sum(other.direct + other.multipath for other in self._tracks if other is not track)
+            rows = choose_evenly(
+                np.flatnonzero(is_near & (free - track.multipath > UNEXPLAINED_PROBABILITY)), MOST_TESTED
+            )
+            track.n_tested = n
+            track.two = compare_with_two(
+                self._pool.groups.take(rows),
+                (free - track.multipath)[rows],
+                self._window[rows],
+                track.position_m,
+                self._array_state,
+                self._nominal,
+                self.pose_error,
+            )
+            is_certain = track.two.is_possible and track.two.evidence > CERTAIN
+            if is_certain and track.state == "confirmed" and not track.twin:
+                self._split_in_two(track)
+
+    def _split_in_two(self, track: Track) -> None:
+        """Replace a track by two at its both likely positions."""
+        self._n_initiated += 1
+        stronger, weaker = np.argsort(-track.two.shares)
+        offsets_m = track.two.offsets_m
+        twin = replace(
+            track,
+            id=self._n_initiated,
+            twin=track.id,
+            position_m=track.position_m + offsets_m[weaker],
+            state="candidate",
+            confirmed_s=None,
+            n_compared=0,
+            two=ONE_SOURCE,
+            direct=np.full(track.direct.size, 0.5),
+            multipath=np.zeros(track.direct.size),
+        )
+        track.position_m = track.position_m + offsets_m[stronger]
+        track.twin, track.n_compared = twin.id, 0
+        track.direct = twin.direct.copy()
+        self._tracks.append(twin)
+        for one in (track, twin):
+            self._compare(one)
+        self._expect()
+        self._maximise(rounds=2)
+        self._expect()
 
     def _delete(self) -> None:
         """Delete tracks that are refuted, or that have lost their pulses to others."""
@@ -430,9 +496,10 @@ class Locator:
     def _keep(self, tracks: list[Track]) -> None:
         """Keep some of the tracks, and associate all groups with them if there were others."""
         if len(tracks) < len(self._tracks):
-            for track in self._tracks:
-                if track not in tracks:
-                    self._tried()[track.direct > 0.5] = True
+            for gone in [track for track in self._tracks if track not in tracks]:
+                self._tried()[gone.direct > 0.5] = True
+                for track in tracks:
+                    track.twin = 0 if track.twin == gone.id else track.twin
             self._tracks = sorted(tracks, key=lambda track: track.id)
             self._expect()
 
@@ -452,12 +519,14 @@ class Locator:
             own = observed[track.id]
             visible = own.detected * (own.expected > 0.0)
             rate = rate_evidence(*(np.bincount(window, n).astype(np.float64) for n in (own.expected, visible)))
+            rate *= not track.twin
             own_odds[track.id] = pulses + rate + level_evidence(track.level) - OCCAM - by_tries
             track.evidence = Evidence(pulses, rate)
         for track in tracks:
             own, least = observed[track.id], np.inf
             for senior in tracks:
-                if senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]:
+                is_senior = senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]
+                if is_senior and senior.id != track.twin:
                     other = observed[senior.id]
                     is_strong = own.strongest_db > senior.level.limit_db(other.range_m)
                     image = image_evidence(window, own.detected, other.detected, other.expected, is_strong)

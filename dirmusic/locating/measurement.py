@@ -561,3 +561,35 @@ def compare(
         result[i, 0] = -0.5 * (misfit + log_det + freedom * math.log(2.0 * math.pi))
         result[i, 1], result[i, 2] = amplitude, 1.0 / math.sqrt(information)
         result[i, 3] = dot(turn[:, 0], residual) / math.sqrt(information)
+
+
+@compiled
+def whiten_residuals(
+    place_m: FloatArray,
+    array_state: FloatArray,
+    pulses: PooledPulses,
+    array: NominalArray,
+    noise: Noise,
+    residuals: FloatArray,
+    slopes: FloatArray,
+    log_det: FloatArray,
+) -> None:
+    """Compute whitened residuals of pulses for one source, and their derivatives by its position.
+
+    Args:
+        place_m: Position of the source, shape (3,).
+        array_state: States of the array, see `predict`.
+        pulses: The pulses.
+        array: The array as in its data sheet.
+        noise: Standard deviations of errors that are not states.
+        residuals: Output, shape (n, n_elements).
+        slopes: Output: derivative of the predicted strengths, shape (n, n_elements, N_PLACE).
+        log_det: Output: logarithm of the determinant of the covariance across the model, shape (n,).
+    """
+    n_elements = pulses.strengths.shape[1]
+    predicted = empty_prediction(n_elements, N_PLACE + array_state.size)
+    for k in range(pulses.pose.shape[0]):
+        predict(k, place_m, 0, array_state, pulses, array, noise, predicted)
+        log_det[k] = whiten(predicted)
+        residuals[k] = predicted.residual
+        slopes[k] = predicted.slope[:, :N_PLACE]

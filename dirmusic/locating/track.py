@@ -13,6 +13,7 @@ from dirmusic.locating.association import NO_COMPARISON, Comparison, Level
 from dirmusic.locating.existence import OCCAM
 from dirmusic.locating.finding import Finding, State, ellipse95
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
+from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources
 
 MOVED, GROWN = 0.1, 1.25
 """Squared Mahalanobis distance, and factor of the semi-major axis, by which a track may change before all pulses are
@@ -60,6 +61,9 @@ class Track:
         compared: Comparison of groups with it.
         n_compared: Number of leading groups whose comparison is up to date.
         fitted: Number of its groups and aperture at the last fit.
+        two: Latest comparison with two sources.
+        n_tested: Number of its groups at that time.
+        twin: Id of the track that was split off from it, or from which it was split off; 0 without one.
     """
 
     id: int
@@ -81,6 +85,9 @@ class Track:
     compared: Comparison = NO_COMPARISON
     n_compared: int = 0
     fitted: tuple[float, float] = (0.0, 0.0)
+    two: TwoSources = ONE_SOURCE
+    n_tested: float = 0.0
+    twin: int = 0
 
     @property
     def semi_major_m(self) -> float:
@@ -91,6 +98,11 @@ class Track:
     def height_std_m(self) -> float:
         """Standard deviation of the height."""
         return float(np.sqrt(self.covariance_m2[2, 2]))
+
+    @property
+    def is_possibly_two(self) -> bool:
+        """True if two sources explain its pulses better, but it has not been split."""
+        return self.two.is_possible and not self.twin
 
     def move(self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray) -> None:
         """Set a new position; all groups are compared anew if it differs considerably."""
@@ -106,7 +118,8 @@ class Track:
             id=self.id,
             state=self.state,
             position_m=self.position_m,
-            covariance_m2=self.covariance_m2,
+            covariance_m2=self.covariance_m2 + self.two.scatter_m2 * self.is_possibly_two,
+            possibly_two=self.is_possibly_two,
             existence=float(expit(self.log_odds)),
             n_bearings=self.n_pulses,
             first_detected_s=self.first_s,

@@ -81,6 +81,7 @@ FINDING_COLUMNS = {
     "id": "id",
     "state": "state",
     "existence": "existence",
+    "possibly_two": "possibly_two",
     "site": "sites.0.name",
     "site_probability": "sites.0.probability",
     "kind": "discharge.kind",

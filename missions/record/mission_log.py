@@ -65,6 +65,7 @@ TABLES: dict[str, dict[str, str]] = {
         "covariance_m2": "(3,3)f8",
         "state": "U",  # candidate, confirmed, outside; dropped once when it is removed
         "existence": "f8",  # probability that a source exists there
+        "possibly_two": "?",  # two sources close to each other explain its pulses better than one
         "n_bearings": "i8",
         "first_detected_s": "f8",
         "confirmed_s": "f8",  # time of the first confirmation; NaN before

@@ -201,6 +201,9 @@ class Tracker:
             was = before.pop(finding.id, None)
             if was is None or was.state != finding.state:
                 self._log.event(finding.state, _state_text(finding, was and was.state), finding.id)
+            if finding.possibly_two and not (was and was.possibly_two):
+                text = f"finding {finding.id} is possibly two sources: two explain its pulses better than one"
+                self._log.event("note", text, finding.id)
         for gone in before.values():
             noun = "finding" if gone.state == "confirmed" else "candidate"
             text = f"{noun} {gone.id} was multipath, interference, or part of another source"

@@ -15,7 +15,7 @@ from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.recording.scene import LogBin, at_steps, labels_3d, set_step
 from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.missions.report.records import Report
-from pdpatrol.missions.report.wording import kind_text, phase_text, site_text
+from pdpatrol.missions.report.wording import existence_text, kind_text, phase_text, site_text
 
 COLOURS = {
     "candidate": 0xFFB228FF,
@@ -52,6 +52,7 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
         return
     position_m, covariance_m2 = finding["position_m"], finding["covariance_m2"][:2, :2]
     label = f"{name_of(state, number)}: exists {percent(finding['existence'])}"
+    label += ", possibly two" * bool(finding["possibly_two"])
     stream.log(path, labels_3d({label: position_m}, 0.2, COLOURS[state]))
     semi_major_m = ellipse95(covariance_m2).semi_major_m
     outline_m = np.column_stack([outline95(position_m[:2], covariance_m2, 33), np.full(33, 0.1)])
@@ -126,7 +127,7 @@ def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:
     lines += header if report.findings else ["No findings."]
     for finding in report.findings:
         name, site = name_of(finding.state, finding.id), site_text(finding)
-        size, exists = f"{finding.ellipse95.semi_major_m:.2f} m", percent(finding.existence)
+        size, exists = f"{finding.ellipse95.semi_major_m:.2f} m", existence_text(finding)
         lines.append(f"| **{name}** | {site} | {kind_text(finding)} | {size} | {exists} |")
         label = f"{name}: {site}" if finding.sites else name
         marker = labels_3d({label: finding.position_m}, 0.2, COLOURS[finding.state])

@@ -134,6 +134,9 @@ class FindingRecord(ReportPart):
     against the map."""
     existence: Probability
     """Probability that a source exists there."""
+    possibly_two: bool
+    """True if two sources close to each other explain its pulses better than one; the covariance includes their
+    distance."""
     ellipse95: Ellipse95
     """95 % ellipse in the horizontal plane."""
     sites: tuple[Site, ...]

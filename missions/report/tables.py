@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.report.records import FindingRecord, Report
-from pdpatrol.missions.report.wording import kind_text, site_text
+from pdpatrol.missions.report.wording import existence_text, kind_text, site_text
 
 
 def findings_table(report: Report) -> Table:
@@ -36,7 +35,7 @@ def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[s
         "#": [str(finding.id) for finding in findings],
         "x, y, z\n(m)": ["{:.2f}, {:.2f}, {:.2f}".format(*finding.position_m) for finding in findings],
         "95 %\n± (m)": [f"{finding.ellipse95.semi_major_m:.2f}" for finding in findings],
-        "exists": [percent(finding.existence) for finding in findings],
+        "exists": [existence_text(finding).replace(", ", ",\n") for finding in findings],
     }
     if any(finding.sites or finding.state == "outside" for finding in findings):
         columns["site"] = [_folded(site_text(finding)) for finding in findings]

@@ -119,6 +119,11 @@ def kind_text(finding: FindingRecord) -> str:
     return discharge.kind if discharge.kind == "unknown" else f"{discharge.kind} {percent(discharge.confidence)}"
 
 
+def existence_text(finding: FindingRecord) -> str:
+    """Return the probability that a source exists, and whether it is possibly two."""
+    return percent(finding.existence) + ", possibly two" * finding.possibly_two
+
+
 def title_text(meta: Mapping[str, Any]) -> str:
     """Return scenario, seed and policy of a mission, as far as they are known."""
     seed = None if meta["seed"] is None else f"seed {meta['seed']}"
@@ -155,6 +160,8 @@ def summary_text(report: Report) -> str:
     n_outside = sum(candidate.state == "outside" for candidate in report.candidates)
     n_open = len(report.candidates) - n_outside
     sentences = [f"{n_found or 'No'} discharge{' was' if n_found < 2 else 's were'} located."]
+    if n_double := sum(finding.possibly_two for finding in report.findings):
+        sentences.append(f"Possibly two sources close to each other: {n_double}.")
     if n_outside:
         sentences.append(f"Sources beyond the fence: {n_outside}.")
     if n_open:

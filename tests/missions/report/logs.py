@@ -38,8 +38,8 @@ def add_finding(
 ) -> None:
     """Append a finding to a log."""
     known: dict[str, object] = {
-        "covariance_m2": 0.01 * np.eye(3), "existence": 0.9, "n_bearings": 30, "first_detected_s": 0.0,
-        "confirmed_s": np.nan, "aperture_rad": 0.3, "level_db": -10.0,
+        "covariance_m2": 0.01 * np.eye(3), "existence": 0.9, "possibly_two": False, "n_bearings": 30,
+        "first_detected_s": 0.0, "confirmed_s": np.nan, "aperture_rad": 0.3, "level_db": -10.0,
     }  # fmt: skip
     log.append("finding", step=step, id=number, state=state, position_m=np.array(position_m), **{**known, **row})
 

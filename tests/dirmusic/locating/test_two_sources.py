@@ -1,0 +1,54 @@
+"""Two sources close to each other: found one by one, or as a finding that is possibly two."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from dirmusic import Finding
+from dirmusic.arrays import FloatArray
+from dirmusic.locating.finding import CHI2_95
+from tests.dirmusic.locating.test_locator import confirmed, detections, listen, path_round
+
+CENTRE_M = np.array([20.0, 15.0, 1.8])
+N_CASES = 3
+
+
+@cache
+def located(seed: int, apart_m: float) -> tuple[FloatArray, list[Finding]]:
+    """Drive round two sources in a random direction from each other, or round one if `apart_m` is 0."""
+    angle = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi)
+    half_m = 0.5 * apart_m * np.array([np.cos(angle), np.sin(angle), 0.0])
+    places_m = np.array([CENTRE_M + half_m, CENTRE_M - half_m])[: 1 + (apart_m > 0.0)]
+    locator, _ = listen(detections(path_round(CENTRE_M[:2], 4.0, 0.0, 250.0, 240), places_m, seed))
+    return places_m, confirmed(locator)
+
+
+@pytest.mark.parametrize("apart_m", [0.8, 1.2])
+def test_sources_almost_a_metre_apart_are_found_one_by_one(apart_m: float) -> None:
+    n_right = 0
+    for seed in range(N_CASES):
+        places_m, findings = located(seed, apart_m)
+        off_m = np.array([finding.position_m - places_m[:, np.newaxis] for finding in findings])
+        n_right += len(findings) == 2 and bool((np.linalg.norm(off_m, axis=-1).min(axis=0) < 0.3).all())
+    assert n_right >= N_CASES - 1
+
+
+def test_sources_a_third_of_a_metre_apart_are_possibly_two() -> None:
+    """No finding is a confident point between both."""
+    n_right = 0
+    for seed in range(N_CASES):
+        places_m, findings = located(seed, 0.35)
+        if len(findings) == 1 and findings[0].possibly_two:
+            off_m = places_m[:, :2] - findings[0].position_m[:2]
+            inside = np.linalg.solve(findings[0].covariance_m2[:2, :2], off_m.T) * off_m.T
+            n_right += bool((inside.sum(axis=0) < CHI2_95).all())
+        n_right += len(findings) == 2
+    assert n_right >= N_CASES - 1
+
+
+def test_one_source_is_not_possibly_two() -> None:
+    for seed in range(N_CASES):
+        _, findings = located(seed, 0.0)
+        assert len(findings) == 1
+        assert not findings[0].possibly_two
