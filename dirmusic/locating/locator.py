@@ -38,7 +38,7 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pool import PulsePool, Visibility
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.track import Evidence, Track
-from dirmusic.locating.two_sources import CERTAIN, MOST_APART_M, ONE_SOURCE, compare_with_two
+from dirmusic.locating.two_sources import ONE_SOURCE, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
 INITIAL_LEVELS = ErrorLevels(0.04, 0.05)
@@ -430,24 +430,18 @@ class Locator:
             n, _ = self._basis(track)
             if n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
                 continue
-            near_rad = np.arctan2(MOST_APART_M, track.compared.range_m) + 2.0 * track.compared.bearing_std_rad
-            is_near = np.abs(track.compared.bearing_offset * track.compared.bearing_std_rad) < near_rad
-            free = 1.0 - sum(other.direct + other.multipath for other in self._tracks if other is not track)
-            rows = choose_evenly(
-                np.flatnonzero(is_near & (free - track.multipath > UNEXPLAINED_PROBABILITY)), MOST_TESTED
-            )
+            rows = choose_evenly(np.flatnonzero(track.direct > FITTED_PROBABILITY), MOST_TESTED)
             track.n_tested = n
             track.two = compare_with_two(
                 self._pool.groups.take(rows),
-                (free - track.multipath)[rows],
+                track.direct[rows],
                 self._window[rows],
                 track.position_m,
                 self._array_state,
                 self._nominal,
                 self.pose_error,
             )
-            is_certain = track.two.is_possible and track.two.evidence > CERTAIN
-            if is_certain and track.state == "confirmed" and not track.twin:
+            if track.two.is_certain and track.state == "confirmed" and not track.twin:
                 self._split_in_two(track)
 
     def _split_in_two(self, track: Track) -> None:

@@ -32,7 +32,7 @@ class LocatingRules:
     confirm_aperture_rad: float = radians(45.0)
     confirm_semi_major_m: float = 0.5
     confirm_range_m: float = 8.0
-    merge_m: float = 0.75
+    merge_m: float = 0.5
 
     @property
     def planned_aperture_rad(self) -> float:

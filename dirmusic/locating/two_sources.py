@@ -2,7 +2,7 @@ r"""Test of a track for two sources close to each other.
 
 The residuals of one source scatter about zero. Those of two sources at :math:`\delta_1, \delta_2` from the estimated
 position scatter about :math:`S_g \delta_1` and :math:`S_g \delta_2`, with the derivative :math:`S_g` of the whitened
-strengths by the position. Both hypotheses are fitted to the groups g near the track by expectation maximisation, each
+strengths by the position. Both hypotheses are fitted to the groups g of the track by expectation maximisation, each
 with the level of unexplained errors that suits it best. The evidence for two is the gain of log likelihood
 
 .. math:: \max_{\delta, \pi, u} \sum_g w_g \ln \sum_j \pi_j e^{-\rho(|r_g - S_g \delta_j|^2) - \frac12 \ln |C_g|}
@@ -40,10 +40,13 @@ APART_PRIOR_M = 1.0
 """Prior standard deviation of each source about the estimate (assumed): sources farther apart are separate tracks."""
 
 
-POSSIBLE, CERTAIN = 12.0, 40.0
+POSSIBLE, CERTAIN = 20.0, 50.0
 """Evidence above which a track is possibly two sources, and above which it is split into two tracks. Measured on
-recorded missions: two sources 0.3 m apart reach the first, 0.6 m apart the second; of 45 single sources seen with the
-antenna of the data sheet, one reached the first."""
+recorded missions: two sources 0.6 m apart reach the second, half of those 0.3 to 0.5 m apart come near the first; of 60
+single sources, three exceed the first, two of them in a hall with strong reflections, which also exceed the second."""
+
+MOST_UNEXPLAINED = 0.04
+"""Level of unexplained errors beyond which a track is not split (assumed): reflections look like a second source."""
 
 LEAST_APART_M, MOST_APART_M, LEAST_SHARE = 0.25, 1.5, 0.2
 """Limits of the distance of two sources and of their shares (assumed): nearer, errors of the array look like two
@@ -57,11 +60,13 @@ class TwoSources(NamedTuple):
         evidence: Gain of log likelihood against one source.
         offsets_m: Offsets of both from the estimated position, shape (2, 3).
         shares: Share of each in the groups of the track, shape (2,).
+        unexplained: Level of unexplained errors that suits two sources best.
     """
 
     evidence: float
     offsets_m: FloatArray
     shares: FloatArray
+    unexplained: float = 0.0
 
     @property
     def is_possible(self) -> bool:
@@ -69,6 +74,11 @@ class TwoSources(NamedTuple):
         apart_m = float(np.linalg.norm(self.offsets_m[1] - self.offsets_m[0]))
         is_between = LEAST_APART_M < apart_m < MOST_APART_M
         return self.evidence > POSSIBLE and is_between and float(self.shares.min()) > LEAST_SHARE
+
+    @property
+    def is_certain(self) -> bool:
+        """True if the track is to be split."""
+        return self.is_possible and self.evidence > CERTAIN and self.unexplained <= MOST_UNEXPLAINED
 
     @property
     def scatter_m2(self) -> FloatArray:
@@ -115,7 +125,7 @@ def compare_with_two(
         two = max((scatter.fit(start, halves, FIRST_ROUNDS) for start in starts), key=lambda found: found.evidence)
         two = scatter.fit(two.offsets_m, two.shares, N_ROUNDS)
         if two.evidence - by_scale > best.evidence:
-            best = two._replace(evidence=two.evidence - by_scale)
+            best = two._replace(evidence=two.evidence - by_scale, unexplained=unexplained)
     return best._replace(evidence=best.evidence - best_one)
 
 

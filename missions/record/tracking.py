@@ -60,7 +60,7 @@ class Tracker:
         max_std_rad: float,
     ) -> None:
         self.findings: tuple[Finding, ...] = ()
-        self._located: tuple[Finding, ...] = ()
+        self._given: tuple[tuple[Finding, ...], bytes] = (), b""
         self._log = log
         self._locator = locator
         self._built_in = locator if type(locator) is Locator else None
@@ -192,9 +192,10 @@ class Tracker:
         is_tuple = isinstance(findings, tuple) and all(isinstance(finding, Finding) for finding in findings)
         if not is_tuple or len({finding.id for finding in findings}) < len(findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
-        if findings == self._located:
+        given = findings, b"" if self._frame is None else self._frame.covariance.tobytes()
+        if given == self._given:
             return
-        self._located, findings = findings, tuple(self._on_map(finding) for finding in findings)
+        self._given, findings = given, tuple(self._on_map(finding) for finding in findings)
         before = {finding.id: finding for finding in self.findings}
         self.findings = findings
         for finding in findings:

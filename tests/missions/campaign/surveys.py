@@ -111,7 +111,7 @@ def survey(
     for number, source in enumerate(sources, start=1):
         log.append(
             "finding", step=len(poses) - 1, id=number, position_m=np.array(source.position_m),
-            covariance_m2=0.05**2 * np.eye(3), state="confirmed", existence=1.0,
+            covariance_m2=0.05**2 * np.eye(3), state="confirmed", existence=1.0, possibly_two=False,
             n_bearings=100, first_detected_s=0.0, confirmed_s=1.0, aperture_rad=1.0, level_db=source.level_db,
         )  # fmt: skip
     return log
