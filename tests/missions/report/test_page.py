@@ -23,8 +23,8 @@ HOSTILE = '<script>alert(1)</script>"; } @import url(http://a.b/c); <img src=htt
 
 @pytest.fixture(scope="module")
 def mission() -> MissionLog:
-    """Run 75 s of a mission, which find one of its sources."""
-    return short_mission(75.0, seed=1, scenario="two_sources")
+    """Run 60 s of a mission, which find one of its sources."""
+    return short_mission(60.0, seed=1, scenario="two_sources")
 
 
 def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
