@@ -4,7 +4,7 @@ Element i of the array receives a pulse of amplitude :math:`A` (volts in a unit-
 the strength :math:`A h_i`,
 
 .. math:: h_i = \frac{F_i}{r_i} \left(
-          (1 + e_i) \left(b_i (g(\psi_i - w \sin\psi_i) + \delta_i) + c_i\right) + o_i \right)
+          (1 + e_i) \left(b_i (g(\psi_i - w f(\psi_i)) + \delta_i) + c_i\right) + o_i \right)
 
 at distance :math:`r_i` and angle :math:`\psi_i` off its boresight, which is turned by the pointing error :math:`d_i`
 and by the tilt of the mount. Pattern g, factor :math:`b_i` and offset :math:`c_i` come from the data sheet;

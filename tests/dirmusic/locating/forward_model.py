@@ -63,7 +63,7 @@ def gains(vector: FloatArray, array: ArrayModel, nature: Nature) -> FloatArray:
     axis, side = np.cos(rise) * level * np.cos(off) + np.sin(rise) * z, level * np.sin(off)
     psi = np.arccos(axis)
     share = 0.5 * (1.0 + side / np.sin(psi))
-    at = psi - nature.widening * np.sin(psi)
+    at = psi - nature.widening * (1.654 * np.sin(psi) - 0.4135 * np.sin(2.0 * psi))
     gain = share * manifold.pattern(at) + (1.0 - share) * manifold.pattern(-at)
     if nature.terms is not None:
         parts = nature.terms.reshape(3, N_HARMONICS, 2)
