@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
@@ -216,15 +216,3 @@ class EstimatedErrors:
         apart = (self.state - other.state)[free]
         square = apart @ np.linalg.solve(covariance[np.ix_(free, free)], apart)
         return bool(square > chi2.ppf(CONTRADICTION, free.size))
-
-
-class Learned(NamedTuple):
-    """Errors of an array, estimated in a mission.
-
-    Attributes:
-        errors: Posterior errors of the elements, which include those known from earlier missions.
-        n_pulses: Number of pulses of this mission that were used.
-    """
-
-    errors: EstimatedErrors
-    n_pulses: int

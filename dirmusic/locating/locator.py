@@ -9,9 +9,9 @@ import numpy as np
 from scipy.special import logit
 
 from dirmusic.angles import aperture, azimuth_of
-from dirmusic.array.element_errors import Learned
 from dirmusic.array.model import ArrayModel
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.locating.array_estimate import ArrayEstimate
 from dirmusic.locating.association import (
     EQUAL_LOSS_DB,
     Association,
@@ -192,12 +192,12 @@ class Locator:
             finding = np.where(direct.max(axis=0) > 0.5, ids[direct.argmax(axis=0)], 0)
         return finding[self._pool.group].astype(np.intp)
 
-    def learned(self) -> Learned | None:
-        """Return the errors of the array as estimated with confirmed findings; None without one."""
+    def array_estimate(self) -> ArrayEstimate | None:
+        """Return the array as estimated together with confirmed findings; None without one."""
         confirmed = [track for track in self._tracks if track.state == "confirmed"]
         if not confirmed or self.estimate is None:
             return None
-        return Learned(self.estimate.errors, sum(track.n_pulses for track in confirmed))
+        return ArrayEstimate.of_fit(self.estimate, sum(track.n_pulses for track in confirmed))
 
     def _renew(self, time_s: float, rounds: int, *, always: bool = False) -> None:
         """Update all tracks with the pulses so far."""

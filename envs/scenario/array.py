@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from dirmusic import ArrayModel, ElementSpread, InputFileError
-from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors, Learned
+from dirmusic.array.element_errors import N_KINDS, UNEXPLAINED, EstimatedErrors
 from pdpatrol.envs.scenario.base import Number, as_tuples, error_lines, read_toml
 from pdpatrol.sensing import ArrayConfig, HelicalArray
 from pdpatrol.sensing.quantities import Config
@@ -94,22 +94,29 @@ class ArrayCalibration(Config):
 
     @classmethod
     def after(
-        cls, mission: str, learned: Learned, array: ArrayModel, serial_number: int | None, before: Self | None
+        cls,
+        mission: str,
+        errors: EstimatedErrors,
+        n_pulses: int,
+        array: ArrayModel,
+        serial_number: int | None,
+        before: Self | None,
     ) -> Self:
         """Make the calibration that a mission passes on to the next one.
 
         Args:
             mission: Name of the mission.
-            learned: Errors that the mission estimated.
+            errors: Errors that the mission estimated.
+            n_pulses: Number of its pulses that were used.
             array: The array.
             serial_number: Its serial number.
             before: Calibration that the mission started from; None without one, or if the mission contradicted it.
         """
-        mean, covariance = learned.errors.mean, learned.errors.covariance
+        mean, covariance = errors.mean, errors.covariance
         return cls(
             mission=mission,
             n_missions=1 + (before.n_missions if before else 0),
-            n_pulses=learned.n_pulses + (before.n_pulses if before else 0),
+            n_pulses=n_pulses + (before.n_pulses if before else 0),
             serial_number=serial_number,
             data_sheet_sha256=data_sheet_sha256(array),
             gain=tuple(mean.gain.tolist()),

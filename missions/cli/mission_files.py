@@ -58,7 +58,7 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
 
 def write_report(log: MissionLog, folder: Path) -> Report:
     """Write report.json and then report.html, which takes longer, and return the report."""
-    report = make_report(log, log.meta.get("wall_time_s", 0.0), inspect_sites(log, model_is_trusted=True))
+    report = make_report(log, log.meta.get("wall_time_s", 0.0), inspect_sites(log))
     write_text(folder / "report.json", report_text(report))
     write_text(folder / "report.html", report_page(log, report))
     return report
@@ -80,7 +80,8 @@ def print_times(stopwatch: Stopwatch) -> None:
 
 
 def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
-    """Print the report as JSON, or print findings, problems of the array, the given lines, and the files written."""
+    """Print notes; then the report as JSON, or findings, problems of the array, the given lines, and the files."""
+    note(*report.notes)
     if json_output:
         sys.stdout.write(report_text(report))
         return

@@ -9,6 +9,7 @@ EventKind = Literal[
     "clipped",
     "channel fault",
     "calibration",
+    "array",
     "frame",
     "candidate",
     "confirmed",

@@ -101,7 +101,7 @@ class MissionLog:
 
     Args:
         meta: JSON-serialisable metadata: seed, policy, scenario as read, solids, nominal array, and `truth` for
-            simulated data; at the end `calibration` if the array's errors were estimated.
+            simulated data; at the end `calibration` and `array_estimate` if the array was estimated.
     """
 
     def __init__(self, meta: Mapping[str, Any]) -> None:

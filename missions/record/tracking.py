@@ -63,7 +63,7 @@ class Tracker:
         self._given: tuple[tuple[Finding, ...], bytes] = (), b""
         self._log = log
         self._locator = locator
-        self._built_in = locator if type(locator) is Locator else None
+        self._built_in: Locator | None = locator if type(locator) is Locator else None
         self._array = array
         self._max_std_rad = max_std_rad
         self._frame: FrameEstimate | None = None
@@ -124,7 +124,7 @@ class Tracker:
         self._update_findings(findings)
 
     def finish(self, mission: str, serial_number: int | None, before: ArrayCalibration | None) -> None:
-        """Log at the end which finding each used pulse belongs to, the likelihood, and the array's calibration.
+        """Log at the end which finding each used pulse belongs to, the likelihood, the array and its calibration.
 
         No calibration is logged without new information on the array, or for a user's Locator.
 
@@ -137,11 +137,17 @@ class Tracker:
         self._log.extend("association", pulse=used, finding=self._association(used.size))
         if self._log.n_rows("step"):
             self._log_likelihood()
-        learned = self._built_in and self._built_in.learned()
-        if learned is not None:
+        estimate = self._built_in.array_estimate() if self._built_in else None
+        if estimate is not None:
+            errors, n_pulses = estimate.errors, estimate.n_pulses
             used = None if self._contradicts_calibration else before
-            calibration = ArrayCalibration.after(mission, learned, self._array, serial_number, used)
+            calibration = ArrayCalibration.after(mission, errors, n_pulses, self._array, serial_number, used)
             self._log.meta["calibration"] = calibration.model_dump(mode="json", exclude_none=True)
+            self._log.meta["array_estimate"] = {
+                name: value for name, value in vars(estimate).items() if isinstance(value, float)
+            }
+            for text in estimate.contradictions():
+                self._log.event("array", text)
 
     @property
     def _contradicts_calibration(self) -> bool:

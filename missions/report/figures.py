@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from dirmusic.locating.finding import outline95
 from pdpatrol.missions.record.log_contents import known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.records import DischargeKind, Report
+from pdpatrol.missions.report.records import ArrayCheck, DischargeKind, Report
 from pdpatrol.robot_models.equipment.catalogue import colour_of
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -91,6 +91,21 @@ def draw_phase_pattern(discharge: DischargeKind) -> Figure:
     sine.set(ylim=(-1.1, 1.1), yticks=[])
     axes.set(xlim=(0, 360), xticks=range(0, 361, 90))
     axes.set(xlabel="phase of the receiver's mains (degrees)", ylabel="level at 1 m (dBV)")
+    return figure
+
+
+@rc_context(STYLE)
+def draw_gains(check: ArrayCheck) -> Figure:
+    """Draw the gain by the angle off boresight, in the mission and by the data sheet."""
+    figure = Figure(figsize=(4.4, 2.9), layout="constrained")
+    axes = figure.subplots()
+    off_deg = [gain.off_boresight_deg for gain in check.by_angle]
+    axes.plot(off_deg, [gain.data_sheet_db for gain in check.by_angle], color="#7b8a97", label="data sheet")
+    axes.plot(off_deg, [gain.measured_db for gain in check.by_angle], "o", color=ROUTE, markersize=4, label="measured")
+    axes.grid(color="#e3e8ec", linewidth=0.5)
+    axes.set(xlim=(-180, 180), xticks=range(-180, 181, 60))
+    axes.set(xlabel="angle off boresight (degrees, counter-clockwise)", ylabel="gain (dB)")
+    axes.legend(frameon=False)
     return figure
 
 

@@ -71,14 +71,14 @@ class Pulses(NamedTuple):
     usable: float
 
 
-def inspect_sites(log: MissionLog, model_is_trusted: bool) -> SiteInspections | None:
+def inspect_sites(log: MissionLog) -> SiteInspections | None:
     """Determine at which sites the mission excludes a discharge of the level and rate that its scenario states.
 
-    Channels that were found faulty count as faulty from the start.
+    Channels that were found faulty count as faulty from the start. When most strong pulses belong to no finding, the
+    bearings cannot be trusted, and those pulses count against every site.
 
     Args:
         log: Log of the mission.
-        model_is_trusted: Whether the pulses agree with the model of array and poses; if not, nothing is excluded.
 
     Returns:
         Inspection of the sites; None without a map, without sites on it, or if a file that the scenario names no longer
@@ -119,12 +119,12 @@ def inspect_sites(log: MissionLog, model_is_trusted: bool) -> SiteInspections | 
         probability, state = noticed(level_dbv, rate_hz), "not_inspected"
         if (np.linalg.norm((found["position_m"] - site_m)[:, :2], axis=1) <= APART_M).any():
             state = "finding"
-        elif model_is_trusted and probability >= CERTAIN:
+        elif probability >= CERTAIN:
             state = "inspected"
         elif model.chances(views, level_dbv, rate_hz).noticed >= CERTAIN:
             state = "unexplained"
         weakest_db = slowest_hz = None
-        if model_is_trusted and state != "finding":
+        if state != "finding":
             weakest_db = _least(LEVELS_DBV, lambda level, noticed=noticed: noticed(level, rate_hz))
             slowest_hz = _least(RATES_HZ, lambda rate, noticed=noticed: noticed(level_dbv, rate))
         sites.append(

@@ -16,6 +16,7 @@ from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulse
 from pdpatrol.missions.record.log_contents import known_yard, map_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
+from pdpatrol.missions.report.array_check import check_array
 from pdpatrol.missions.report.records import (
     DischargeKind,
     FindingRecord,
@@ -63,8 +64,9 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         pulses=count_pulses(log),
         channel_faults=_events(events, "channel fault"),
         calibration=_events(events, "calibration"),
+        array=check_array(log),
         notes=(
-            *_events(events, "note", "frame", "rejected", "error"),
+            *_events(events, "array", "note", "frame", "rejected", "error"),
             *([CLOCK_NOTE.format(offset_hz)] if offset_hz else []),
         ),
         findings=findings,

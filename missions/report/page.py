@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
-from pdpatrol.missions.report.figures import STYLE, draw_phase_pattern, draw_site_plan
+from pdpatrol.missions.report.figures import STYLE, draw_gains, draw_phase_pattern, draw_site_plan
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import (
     ADVICE_LIMITS,
@@ -70,6 +70,7 @@ def report_page(log: MissionLog, report: Report) -> str:
         summary=summary_text(report),
         plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),
         patterns=patterns,
+        gains=report.array and embed(draw_gains(report.array), "Gain of the antennas by the angle off boresight"),
         pulse_classes=[(getattr(report.pulses, name), text) for name, text in PULSE_CLASSES.items()],
         settings=_settings(log.meta),
         advice_limits=ADVICE_LIMITS,

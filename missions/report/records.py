@@ -160,7 +160,7 @@ class SiteInspection(ReportPart):
     """`equipment/site`."""
     state: Literal["inspected", "finding", "unexplained", "not_inspected"]
     """`inspected` if a discharge of `level_db` and `rate_hz` is excluded; `finding` if one was located, or may be,
-    within 2 m; `unexplained` if pulses from there belong to no finding, or pulses contradict the model; `not_inspected`
+    within 2 m; `unexplained` if pulses from there, or most pulses from anywhere, belong to no finding; `not_inspected`
     if too few pulses would have been detected, or from too few directions."""
     probability: Probability
     """Probability that such a discharge would have been confirmed or remained a candidate, and left more traces."""
@@ -185,6 +185,50 @@ class SiteInspections(ReportPart):
     def names(self, state: str) -> list[str]:
         """Return the names of the sites in a state."""
         return [site.name for site in self.sites if site.state == state]
+
+
+class GainInMission(ReportPart):
+    """Gain of the antennas in a range of angles off their boresights, mean over the channels."""
+
+    off_boresight_deg: Number
+    """Middle of the range, degrees counter-clockwise."""
+    measured_db: Number
+    """Gain that the pulses show, decibels; its scale is such that it agrees with the data sheet on the whole."""
+    data_sheet_db: Number
+    """Gain of the data sheet towards the same directions, decibels."""
+
+
+class MisfitInMission(ReportPart):
+    """Misfit of the data sheet in a range of distances."""
+
+    from_m: Length
+    """Shortest horizontal distance from the finding, metres; the next entry begins where this one ends."""
+    n_pulses: Count
+    """Number of pulses."""
+    misfit: Length
+    """Median of the misfit of a pulse: norm of the deviations of its strengths, relative to the norm of the
+    strengths."""
+
+
+class ArrayCheck(ReportPart):
+    """Comparison of the pulses of confirmed findings with the data sheet of the array."""
+
+    beam_width: Number
+    """Width of the beam relative to that of the data sheet, estimated with the findings."""
+    beam_width_std: Length
+    """Its standard deviation."""
+    yaw_deg: Number
+    """Yaw of the array relative to the robot, degrees counter-clockwise, estimated with the findings."""
+    yaw_std_deg: Length
+    """Its standard deviation, degrees."""
+    pattern_error: Length
+    """Standard deviation of the gain pattern from that of the data sheet, relative to the largest gain."""
+    by_channel_db: dict[int, Number]
+    """Gain of each sound channel relative to the data sheet, decibels, by its number; only differences matter."""
+    by_angle: tuple[GainInMission, ...]
+    """Gains by the angle off the boresight, ascending."""
+    by_range: tuple[MisfitInMission, ...]
+    """Misfits by distance, ascending."""
 
 
 class SourceMatch(ReportPart):
@@ -294,8 +338,10 @@ class Report(ReportPart):
     """Channels of the receiver that were excluded, and why."""
     calibration: tuple[str, ...]
     """Contradictions between the pulses and the calibration that was used."""
+    array: ArrayCheck | None
+    """Comparison of the pulses with the data sheet of the array; null without a confirmed finding."""
     notes: tuple[str, ...]
-    """Unusual properties of the data, and errors."""
+    """Unusual properties of the data, deviations from data sheet and map, and errors."""
     findings: tuple[FindingRecord, ...]
     """Confirmed findings, sorted by id."""
     candidates: tuple[FindingRecord, ...]

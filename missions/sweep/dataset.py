@@ -131,7 +131,7 @@ class MissionRow(NamedTuple):
     @classmethod
     def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
         """Make the row of a finished mission."""
-        report = make_report(log, wall_time_s, inspect_sites(log, model_is_trusted=True))
+        report = make_report(log, wall_time_s, inspect_sites(log))
         scores, step = report.scores, log.table("step")
         sources, matches = scores.sources, scores.matches
         confirmed_s = tuple(source.confirmed_s for source in sources if source.confirmed_s is not None)

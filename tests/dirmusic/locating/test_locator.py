@@ -157,7 +157,7 @@ def test_without_pulses_nothing_is_found() -> None:
     locator, history = listen(silence)
     assert not any(history)
     assert locator.association().shape == (0,)
-    assert locator.learned() is None
+    assert locator.array_estimate() is None
 
 
 def test_source_beyond_the_fence_is_outside() -> None:
@@ -239,7 +239,7 @@ def test_known_errors_are_dropped_if_pulses_contradict_them(change: float) -> No
     before = Nature(errors=drawn_errors(np.random.default_rng(8)), ground=1.0)
     after = replace(before, errors=replace(before.errors, gain=before.errors.gain + change * (-1.0) ** np.arange(6)))
     path = path_round(SOURCE_M[:2], 3.5, 0.0, 300.0, 160)
-    learned = listen(detections(path, SOURCE_M[np.newaxis], 8, nature=before))[0].learned()
+    learned = listen(detections(path, SOURCE_M[np.newaxis], 8, nature=before))[0].array_estimate()
     assert learned is not None
     array = replace(ARRAY, errors=learned.errors)
     locator, _ = listen(detections(path, SOURCE_M[np.newaxis], 9, nature=after), array)

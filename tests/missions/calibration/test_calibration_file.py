@@ -9,7 +9,7 @@ import pytest
 import tomlkit
 
 from dirmusic import InputFileError
-from dirmusic.array.element_errors import DRIFT, EstimatedErrors, Learned
+from dirmusic.array.element_errors import DRIFT, EstimatedErrors
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
@@ -27,7 +27,7 @@ def calibration_of(scenario: Scenario, before: ArrayCalibration | None = None) -
     root = rng.normal(0.0, 0.01, (2 * n, 2 * n))
     errors = EstimatedErrors.of_states(rng.normal(0.0, 0.03, 2 * n), root @ root.T, n)
     array, number = scenario.known_array, scenario.array.serial_number
-    return ArrayCalibration.after('yard "north", seed 1', Learned(errors, 160), array, number, before)
+    return ArrayCalibration.after('yard "north", seed 1', errors, 160, array, number, before)
 
 
 @pytest.fixture
