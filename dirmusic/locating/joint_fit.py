@@ -216,9 +216,18 @@ class JointFit:
             array_state = array_prior(self._array, levels).mean
         optimum = self._minimise(np.concatenate([start_m.ravel(), array_state]), levels)
         heights = slice(2, self._places_m.size, N_PLACE)
+
+        def rank(found: Optimum) -> tuple[int, float]:
+            """Prefer sources above the ground, then the lower cost."""
+            return int((found.state[heights] < 0.0).sum()), found.expansion.cost
+
         if (optimum.state[heights] < AMBIGUOUS_M).any():
             both = optimum, self._minimise(self._mirrored(optimum.state), levels)
-            optimum = min(both, key=lambda found: ((found.state[heights] < 0.0).any(), found.expansion.cost))
+            optimum = min(both, key=rank)
+        if (optimum.state[heights] < 0.0).any():
+            above = optimum.state.copy()
+            above[heights] = np.where(above[heights] < 0.0, 2.0 * self._array.height_m - above[heights], above[heights])
+            optimum = min(optimum, self._minimise(above, levels), key=rank)
         for _ in range(rounds):
             levels = self._estimate_levels(optimum, levels)
             optimum = self._minimise(optimum.state, levels)

@@ -152,17 +152,14 @@ class Locator:
         self.findings: tuple[Finding, ...] = ()
         self.contradicts_errors = False
         self.estimate: JointEstimate | None = None
-        self._levels = INITIAL_LEVELS
         self._pool = PulsePool(array.manifold.n_elements, array.height_m, pose_error)
         self._visibility = Visibility(self._pool, sight)
         self._nominal = nominal_array(array)
-        prior = array_prior(array, self._levels)
-        self._array_state, self._array_covariance = prior.mean, np.linalg.inv(prior.information)
+        self._restart_array()
         self._compared_state, self._compared_levels = self._array_state, self._levels
         self._tracks: list[Track] = []
         self._association = Association(np.empty((0, 0)), np.empty((0, 0)), np.empty((1, 0)))
         self._window: IntArray = np.empty(0, dtype=np.intp)
-        self._array_tracks: set[int] = set()
         self._is_tried: BoolArray = np.empty(0, dtype=np.bool_)
         self._n_initiated, self._n_unexplained, self._n_checked, self._next_fit_s = 0, 0, 0, -np.inf
 
@@ -328,6 +325,12 @@ class Locator:
         self._is_tried = np.pad(self._is_tried[:n], (0, max(n - self._is_tried.size, 0)))
         return self._is_tried
 
+    def _restart_array(self) -> None:
+        """Forget the estimate of the array."""
+        self._levels, prior = INITIAL_LEVELS, array_prior(self.array, INITIAL_LEVELS)
+        self._array_state, self._array_covariance = prior.mean, np.linalg.inv(prior.information)
+        self._array_tracks: set[int] = set()
+
     def _maximise(self, rounds: int) -> None:
         """Fit the array together with the best tracks, then each of the others that has changed."""
         tracks = [track for track in self._tracks if self._basis(track)[0] >= LEAST_GROUPS]
@@ -426,9 +429,10 @@ class Locator:
 
     def _split(self) -> None:
         """Compare likely tracks with two sources, and split those that certainly are two."""
-        for track in [track for track in self._tracks if track.log_odds > 0.0 and track.semi_major_m < LOCATED_M]:
+        for track in list(self._tracks):
+            is_likely = track.log_odds > 0.0 and track.semi_major_m < LOCATED_M and track.state != "outside"
             n, _ = self._basis(track)
-            if n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
+            if not is_likely or n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
                 continue
             rows = choose_evenly(np.flatnonzero(track.direct > FITTED_PROBABILITY), MOST_TESTED)
             track.n_tested = n
@@ -441,7 +445,9 @@ class Locator:
                 self._nominal,
                 self.pose_error,
             )
-            if track.two.is_certain and track.state == "confirmed" and not track.twin:
+            is_confirmed = track.state == "confirmed" and track.two.is_certain
+            is_candidate = track.state == "candidate" and track.two.is_certain_of_candidate
+            if (is_confirmed or is_candidate) and not track.twin:
                 self._split_in_two(track)
 
     def _split_in_two(self, track: Track) -> None:
@@ -465,10 +471,10 @@ class Locator:
         track.twin, track.n_compared = twin.id, 0
         track.direct = twin.direct.copy()
         self._tracks.append(twin)
-        for one in (track, twin):
-            self._compare(one)
-        self._expect()
-        self._maximise(rounds=2)
+        self._restart_array()
+        for _ in range(2):
+            self._expect()
+            self._maximise(rounds=2)
         self._expect()
 
     def _delete(self) -> None:

@@ -14,7 +14,8 @@ that it belongs to the track over the root of their number. Errors of the pose t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.special import logsumexp
@@ -22,7 +23,7 @@ from scipy.special import logsumexp
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.association import pooled
 from dirmusic.locating.joint_fit import ROBUST_SCALE
-from dirmusic.locating.measurement import N_PLACE, Noise, NominalArray, whiten_residuals
+from dirmusic.locating.measurement import N_PLACE, Noise, NominalArray, PooledPulses, whiten_residuals
 from dirmusic.locating.protocol import PoseError
 from dirmusic.locating.pulse_pool import Groups
 
@@ -32,25 +33,32 @@ UNEXPLAINED = (0.02, 0.04, 0.08, 0.16)
 START_M, START_AXES = 0.3, np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.7, 0.7, 0.0], [0.7, -0.7, 0.0]])
 """Distance of both sources from the estimate, and directions, at the start of the iteration (assumed)."""
 
-N_ROUNDS, FIRST_ROUNDS, MIN_SHARE = 25, 8, 1e-3
-"""Number of rounds of expectation maximisation, number before all but the best start are left, and least share of a
-source in the iteration (assumed)."""
+FIRST_ROUNDS, N_ROUNDS, N_LINEARISED, MIN_SHARE = 8, 10, 4, 1e-3
+"""Number of rounds of expectation maximisation before and after residuals are computed about the positions found,
+number of times that they are, and least share of a source in the iteration (assumed)."""
 
-APART_PRIOR_M = 1.0
+PROMISING = 5.0
+"""Evidence of the first rounds from which the others follow (assumed)."""
+
+APART_PRIOR_M = 3.0
 """Prior standard deviation of each source about the estimate (assumed): sources farther apart are separate tracks."""
 
+POSSIBLE, CERTAIN, CERTAIN_OF_CANDIDATE = 25.0, 50.0, 100.0
+"""Evidence above which a track is possibly two sources, above which a confirmed one is split into two tracks, and above
+which a candidate is, which may be a moving interferer. Measured: on a
+circle of 4 m, two sources 0.5 m apart reach 25 to 40, and those 1 m apart 75 to 140; most single sources stay below 2,
+but high ones in a hall with strong reflections reach 90."""
 
-POSSIBLE, CERTAIN = 20.0, 50.0
-"""Evidence above which a track is possibly two sources, and above which it is split into two tracks. Measured on
-recorded missions: two sources 0.6 m apart reach the second, half of those 0.3 to 0.5 m apart come near the first; of 60
-single sources, three exceed the first, two of them in a hall with strong reflections, which also exceed the second."""
+USUAL_UNEXPLAINED, LEAST_APART_RAD = 0.04, 0.2
+"""Level of unexplained errors from which `CERTAIN` grows in proportion to it, and least angle between two sources, seen
+from nearby, for a split (assumed): reflections look like a second source at a smaller angle."""
 
-MOST_UNEXPLAINED = 0.04
-"""Level of unexplained errors beyond which a track is not split (assumed): reflections look like a second source."""
-
-LEAST_APART_M, MOST_APART_M, LEAST_SHARE = 0.25, 1.5, 0.2
+LEAST_APART_M, MOST_APART_M, LEAST_SHARE = 0.25, 8.0, 0.2
 """Limits of the distance of two sources and of their shares (assumed): nearer, errors of the array look like two
 sources; farther apart or rarer, the other pulses are reflections, or those of another track."""
+
+NEAR_QUANTILE = 0.1
+"""Quantile of the ranges of the groups that is taken as near (assumed)."""
 
 
 class TwoSources(NamedTuple):
@@ -61,30 +69,48 @@ class TwoSources(NamedTuple):
         offsets_m: Offsets of both from the estimated position, shape (2, 3).
         shares: Share of each in the groups of the track, shape (2,).
         unexplained: Level of unexplained errors that suits two sources best.
+        near_m: Distance of the nearest groups from the track.
     """
 
     evidence: float
     offsets_m: FloatArray
     shares: FloatArray
     unexplained: float = 0.0
+    near_m: float = np.inf
+
+    @property
+    def apart_m(self) -> float:
+        """Distance of both sources."""
+        return float(np.linalg.norm(self.offsets_m[1] - self.offsets_m[0]))
 
     @property
     def is_possible(self) -> bool:
         """True if two sources explain the groups so much better than one that both are likely."""
-        apart_m = float(np.linalg.norm(self.offsets_m[1] - self.offsets_m[0]))
-        is_between = LEAST_APART_M < apart_m < MOST_APART_M
+        is_between = LEAST_APART_M < self.apart_m < MOST_APART_M
         return self.evidence > POSSIBLE and is_between and float(self.shares.min()) > LEAST_SHARE
 
     @property
     def is_certain(self) -> bool:
-        """True if the track is to be split."""
-        return self.is_possible and self.evidence > CERTAIN and self.unexplained <= MOST_UNEXPLAINED
+        """True if a confirmed track is to be split."""
+        return self._is_certain(CERTAIN)
+
+    @property
+    def is_certain_of_candidate(self) -> bool:
+        """True if a candidate is to be split: errors of one between two sources may prevent its confirmation."""
+        return self._is_certain(CERTAIN_OF_CANDIDATE)
+
+    def _is_certain(self, least: float) -> bool:
+        is_seen = self.apart_m > LEAST_APART_RAD * self.near_m
+        return self.is_possible and is_seen and self.evidence > least * max(self.unexplained / USUAL_UNEXPLAINED, 1.0)
 
     @property
     def scatter_m2(self) -> FloatArray:
         """Covariance of the position of either source about the estimate, shape (3, 3)."""
         return (self.shares * self.offsets_m.T) @ self.offsets_m
 
+
+NOWHERE_M = np.zeros(N_PLACE)
+"""Offset of the track itself."""
 
 ONE_SOURCE = TwoSources(-np.inf, np.zeros((2, N_PLACE)), np.array([1.0, 0.0]))
 
@@ -109,63 +135,106 @@ def compare_with_two(
         array: The array as in its data sheet.
         pose_error: Error of the poses.
     """
-    n, n_elements = groups.strengths.shape
-    residual, slope, log_det = np.empty((n, n_elements)), np.empty((n, n_elements, N_PLACE)), np.empty(n)
-    _, number = np.unique(window, return_inverse=True)
+    pulses, (_, number) = pooled(groups), np.unique(window, return_inverse=True)
     weight = probability / np.sqrt(np.maximum(np.bincount(number, probability)[number], 1.0))
-    best_one, best = -np.inf, TwoSources(-np.inf, np.zeros((2, N_PLACE)), np.ones(2))
-    for unexplained in UNEXPLAINED:
-        noise = Noise(pose_error.position_m, pose_error.heading_rad, unexplained)
-        whiten_residuals(place_m, array_state, pooled(groups), array, noise, residual, slope, log_det)
-        scatter, halves = Scatter(residual, slope, weight), np.full(2, 0.5)
-        by_scale = 0.5 * float(weight @ log_det)
-        one = scatter.fit(np.zeros((1, N_PLACE)), np.ones(1), FIRST_ROUNDS)
-        best_one = max(best_one, one.evidence - by_scale)
+    sight_m = groups.pose[:, :2] - place_m[:2]
+    ranges_m = np.hypot(np.linalg.norm(sight_m, axis=-1), place_m[2] - array.positions_m[:, 2].mean())
+    near_m = float(np.quantile(ranges_m, NEAR_QUANTILE))
+    noises = [Noise(pose_error.position_m, pose_error.heading_rad, unexplained) for unexplained in UNEXPLAINED]
+    ones, twos = list[TwoSources](), list[TwoSources]()
+    for noise in noises:
+        scatters = [Scatter.about(place_m, NOWHERE_M, array_state, pulses, array, noise)]
+        one = fit(scatters, weight, np.zeros((1, N_PLACE)), np.ones(1), FIRST_ROUNDS)
         starts = [one.offsets_m + START_M * np.array([axis, -axis]) for axis in START_AXES]
-        two = max((scatter.fit(start, halves, FIRST_ROUNDS) for start in starts), key=lambda found: found.evidence)
-        two = scatter.fit(two.offsets_m, two.shares, N_ROUNDS)
-        if two.evidence - by_scale > best.evidence:
-            best = two._replace(evidence=two.evidence - by_scale, unexplained=unexplained)
-    return best._replace(evidence=best.evidence - best_one)
+        trials = [fit(2 * scatters, weight, start, np.full(2, 0.5), FIRST_ROUNDS) for start in starts]
+        ones.append(one)
+        twos.append(max(trials, key=lambda trial: trial.evidence))
+    least = max(one.evidence for one in ones)
+    if max(two.evidence for two in twos) > least + PROMISING:
+        for k, noise in enumerate(noises):
+            for _ in range(N_LINEARISED):
+                offsets_m = np.clip(twos[k].offsets_m, -MOST_APART_M, MOST_APART_M)
+                scatters = [Scatter.about(place_m, off_m, array_state, pulses, array, noise) for off_m in offsets_m]
+                twos[k] = fit(scatters, weight, offsets_m, twos[k].shares, N_ROUNDS)
+    best, two = max(enumerate(twos), key=lambda item: item[1].evidence)
+    return two._replace(evidence=two.evidence - least, unexplained=UNEXPLAINED[best], near_m=near_m)
 
 
-class Scatter:
-    """Whitened residuals of groups, and the fit of offsets of one or two sources to them.
+class Scatter(NamedTuple):
+    """Quadratic forms of the whitened residuals of n groups about one position.
 
-    Args:
-        residual: Whitened residuals, shape (n, n_elements).
-        slope: Derivatives of the whitened strengths by the position, shape (n, n_elements, 3).
-        weight: Weight of each group, shape (n,).
+    Attributes:
+        off_m: Offset of that position from the track, shape (3,).
+        square: Squares of the residuals, shape (n,).
+        along: Residuals times their derivatives by the position, shape (n, 3).
+        information: Products of the derivatives, shape (n, 3, 3).
+        log_det: Logarithm of the determinant of the covariance, shape (n,).
     """
 
-    def __init__(self, residual: FloatArray, slope: FloatArray, weight: FloatArray) -> None:
-        self._square = np.square(residual).sum(axis=-1)
-        self._along = np.einsum("nei,ne->ni", slope, residual)
-        self._information = np.einsum("nei,nej->nij", slope, slope)
-        self._weight = weight
+    off_m: FloatArray
+    square: FloatArray
+    along: FloatArray
+    information: FloatArray
+    log_det: FloatArray
 
-    def fit(self, offsets_m: FloatArray, shares: FloatArray, n_rounds: int) -> TwoSources:
-        """Fit offsets, from a start (k, 3) with shares (k,), by expectation maximisation.
+    @classmethod
+    def about(
+        cls,
+        place_m: FloatArray,
+        off_m: FloatArray,
+        array_state: FloatArray,
+        pulses: PooledPulses,
+        array: NominalArray,
+        noise: Noise,
+    ) -> Self:
+        """Compute the residuals of pulses about a position with an offset (3,) from the track's position (3,)."""
+        n, n_elements = pulses.strengths.shape
+        residual, slope, log_det = np.empty((n, n_elements)), np.empty((n, n_elements, N_PLACE)), np.empty(n)
+        whiten_residuals(place_m + off_m, array_state, pulses, array, noise, residual, slope, log_det)
+        return cls(
+            off_m,
+            np.square(residual).sum(axis=-1),
+            np.einsum("nei,ne->ni", slope, residual),
+            np.einsum("nei,nej->nij", slope, slope),
+            log_det,
+        )
 
-        The evidence of the result is the log likelihood.
-        """
-        prior = np.eye(N_PLACE) / APART_PRIOR_M**2
-        for _ in range(n_rounds):
-            each, root = self._log_likelihoods(offsets_m, shares)
-            own = np.exp(each - logsumexp(each, axis=0)) * self._weight
-            shares = np.maximum(own.sum(axis=1) / self._weight.sum(), MIN_SHARE)
-            shares /= shares.sum()
-            own /= root
-            information = np.einsum("kn,nij->kij", own, self._information) + prior
-            pull = (own @ self._along)[..., np.newaxis]
-            offsets_m = np.asarray(np.linalg.solve(information, pull)[..., 0], dtype=np.float64)
-        each, _ = self._log_likelihoods(offsets_m, shares)
-        prior_cost = 0.5 * float(np.square(offsets_m / APART_PRIOR_M).sum())
-        return TwoSources(float(self._weight @ logsumexp(each, axis=0)) - prior_cost, offsets_m, shares)
 
-    def _log_likelihoods(self, offsets_m: FloatArray, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the log likelihood of each group and offset, and the root in the pseudo-Huber loss, shape (k, n)."""
-        curved = np.einsum("nij,ki,kj->kn", self._information, offsets_m, offsets_m)
-        chi2 = np.maximum(self._square - 2.0 * offsets_m @ self._along.T + curved, 0.0)
-        root = np.sqrt(1.0 + chi2 / ROBUST_SCALE**2)
-        return np.log(shares)[:, np.newaxis] - ROBUST_SCALE**2 * (root - 1.0), root
+def fit(
+    scatters: Sequence[Scatter], weight: FloatArray, offsets_m: FloatArray, shares: FloatArray, n_rounds: int
+) -> TwoSources:
+    """Fit the offsets of k sources by expectation maximisation; the evidence of the result is the log likelihood.
+
+    Args:
+        scatters: Residuals about k positions near the sources.
+        weight: Weight of each group, shape (n,).
+        offsets_m: Offsets at the start, shape (k, 3).
+        shares: Shares at the start, shape (k,).
+        n_rounds: Number of rounds.
+    """
+    prior, offsets_m = np.eye(N_PLACE) / APART_PRIOR_M**2, offsets_m.copy()
+    for _ in range(n_rounds):
+        each, root = log_likelihoods(scatters, offsets_m, shares)
+        own = np.exp(each - logsumexp(each, axis=0)) * weight
+        shares = np.maximum(own.sum(axis=1) / weight.sum(), MIN_SHARE)
+        shares /= shares.sum()
+        for k, scatter in enumerate(scatters):
+            information = np.tensordot(own[k] / root[k], scatter.information, 1)
+            pull = (own[k] / root[k]) @ scatter.along + information @ scatter.off_m
+            offsets_m[k] = np.linalg.solve(information + prior, pull)
+    each, _ = log_likelihoods(scatters, offsets_m, shares)
+    prior_cost = 0.5 * float(np.square(offsets_m / APART_PRIOR_M).sum())
+    return TwoSources(float(weight @ logsumexp(each, axis=0)) - prior_cost, offsets_m, shares)
+
+
+def log_likelihoods(
+    scatters: Sequence[Scatter], offsets_m: FloatArray, shares: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the log likelihood of each group and source, and the root in the pseudo-Huber loss, shape (k, n)."""
+    roots: list[FloatArray] = []
+    for scatter, offset_m in zip(scatters, offsets_m, strict=True):
+        off_m = offset_m - scatter.off_m
+        chi2 = scatter.square - 2.0 * scatter.along @ off_m + scatter.information @ off_m @ off_m
+        roots.append(np.sqrt(1.0 + np.maximum(chi2, 0.0) / ROBUST_SCALE**2))
+    root, log_det = np.array(roots), np.array([scatter.log_det for scatter in scatters])
+    return np.log(shares)[:, np.newaxis] - ROBUST_SCALE**2 * (root - 1.0) - 0.5 * log_det, root

@@ -24,8 +24,8 @@ def located(seed: int, apart_m: float) -> tuple[FloatArray, list[Finding]]:
     return places_m, confirmed(locator)
 
 
-@pytest.mark.parametrize("apart_m", [0.8, 1.2])
-def test_sources_almost_a_metre_apart_are_found_one_by_one(apart_m: float) -> None:
+@pytest.mark.parametrize("apart_m", [1.0, 1.5, 2.5])
+def test_sources_a_metre_and_more_apart_are_found_one_by_one(apart_m: float) -> None:
     n_right = 0
     for seed in range(N_CASES):
         places_m, findings = located(seed, apart_m)
