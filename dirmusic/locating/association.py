@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit, gammaln, logsumexp
+from scipy.special import expit, gammaln
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.measurement import Noise, NominalArray, PooledPulses, compare
@@ -200,7 +200,7 @@ def associate(
     none = flat - np.log(LEVEL_RANGE_DB)
     log_share = np.log(share)
     each = np.array([*direct, *multipath, none]) + np.concatenate([log_share[:-1], log_share[:-1], log_share[-1:]])
-    probability = np.exp(each - logsumexp(each, axis=0))
+    probability = np.exp(each - np.logaddexp.reduce(each))
     n = len(compared)
     return Association(probability[:n], probability[n : 2 * n], share)
 

@@ -14,7 +14,6 @@ shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import logsumexp
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import Association, Comparison, Level, level_std
@@ -78,7 +77,7 @@ def pulse_evidence(ratios: FloatArray, association: Association, window: IntArra
     """
     log_share = np.log(association.share)
     each = np.concatenate([ratios, np.zeros((1, ratios.shape[1]))]) + log_share
-    own = np.minimum(np.exp(each - logsumexp(each, axis=0)), 1.0 - 1e-12)[:-1]
+    own = np.minimum(np.exp(each - np.logaddexp.reduce(each)), 1.0 - 1e-12)[:-1]
     gain = np.log1p(-np.minimum(association.share[:-1], 1.0 - 1e-12)) - np.log1p(-own)
     none = association.share[-1]
     evidence = np.empty(len(ratios))

@@ -51,9 +51,9 @@ LEVEL_PRIOR_DB = (-5.0, 6.0)
 """Prior mean and standard deviation of the level of a discharge at 1 m, dB relative to 1 V (assumed). While all lines
 of sight are nearly parallel, it limits the range."""
 
-LEAST_HEIGHT_M, AMBIGUOUS_M = 0.2, 2.0
+LEAST_HEIGHT_M, AMBIGUOUS_M, LEAST_OTHER_SIDE = 0.2, 2.0, 1e-3
 """Least height from which sources are sought on the other side of the plane of the array, and the height above which
-they are not (assumed)."""
+and probability below which they are not (assumed)."""
 
 WIDENING_PRIOR = 0.15
 """Prior standard deviation of the relative widening of the beam (assumed): that of helices which differ by half a turn
@@ -221,7 +221,7 @@ class JointFit:
             """Prefer sources above the ground, then the lower cost."""
             return int((found.state[heights] < 0.0).sum()), found.expansion.cost
 
-        if (optimum.state[heights] < AMBIGUOUS_M).any():
+        if (optimum.state[heights] < AMBIGUOUS_M).any() and self._may_be_mirrored(optimum):
             both = optimum, self._minimise(self._mirrored(optimum.state), levels)
             optimum = min(both, key=rank)
         if (optimum.state[heights] < 0.0).any():
@@ -268,27 +268,18 @@ class JointFit:
     def _estimate_unexplained(self, optimum: Optimum, levels: ErrorLevels) -> float:
         weight, freedom = optimum.expansion.weight, self._pulses.is_usable.sum(axis=-1) - 1.0
         left = max(1.0 - optimum.n_fitted / (weight @ freedom), LEAST_FREEDOM)
-        best = np.inf, levels.unexplained
-        for step in UNEXPLAINED_STEPS:
-            trial = float(np.clip(levels.unexplained * step, LEAST_UNEXPLAINED, MOST_UNEXPLAINED))
-            noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, trial)
-            there = expand(
-                optimum.state,
-                self._source,
-                self._probability,
-                self._repeats,
-                self._pulses,
-                self._nominal,
-                noise,
-                ROBUST_SCALE,
-            )
+
+        def cost(unexplained: float) -> float:
+            """Return the negative log restricted likelihood of a level."""
+            noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, unexplained)
+            data = self._source, self._probability, self._repeats, self._pulses, self._nominal, noise, ROBUST_SCALE
+            there = expand(optimum.state, *data)
             loss = ROBUST_SCALE**2 * (np.sqrt(1.0 + there.misfit / ROBUST_SCALE**2) - 1.0)
-            cost = (
-                weight @ (loss + 0.5 * left * there.log_det)
-                + 0.5 * (np.log(trial / UNEXPLAINED_PRIOR[0]) / UNEXPLAINED_PRIOR[1]) ** 2
-            )
-            best = min(best, (float(cost), trial))
-        return best[1]
+            off = np.log(unexplained / UNEXPLAINED_PRIOR[0]) / UNEXPLAINED_PRIOR[1]
+            return float(weight @ (loss + 0.5 * left * there.log_det) + 0.5 * off**2)
+
+        trials = np.clip(levels.unexplained * UNEXPLAINED_STEPS, LEAST_UNEXPLAINED, MOST_UNEXPLAINED)
+        return min(trials.tolist(), key=cost)
 
     def _cost(self, levels: ErrorLevels) -> tuple[Cost, StatePrior]:
         """Return the negative log posterior density up to a constant, and the prior of all states.
@@ -384,6 +375,13 @@ class JointFit:
         there = optimum.cost(other)
         other = other - np.linalg.solve(there.hessian, there.gradient)
         return other, float(expit(optimum.expansion.cost - optimum.cost(other).cost))
+
+    def _may_be_mirrored(self, optimum: Optimum) -> bool:
+        """Return whether a source may be on the other side of the array's plane, or lies below the ground."""
+        heights_m = optimum.state[2 : self._places_m.size : N_PLACE]
+        return any(
+            height_m < 0.0 or self._other_side(optimum, k)[1] > LEAST_OTHER_SIDE for k, height_m in enumerate(heights_m)
+        )
 
     def _place_covariances(self, optimum: Optimum) -> FloatArray:
         """Return the covariance of each position, including the uncertainty about the side of the array's plane."""

@@ -283,11 +283,13 @@ def empty_prediction(n_elements: int, n_states: int) -> Prediction:
 @compiled_inner
 def remove_amplitude(model: FloatArray, change: FloatArray) -> None:
     """Remove, in place, the part of changes (n_elements, m) of the model that a change of the amplitude explains."""
-    square = dot(model, model)
-    for i in range(change.shape[1]):
-        along = dot(model, change[:, i]) / square
-        for e in range(model.size):
-            change[e, i] -= along * model[e]
+    square, along = dot(model, model), np.zeros(change.shape[1])
+    for e in range(model.size):
+        for i in range(along.size):
+            along[i] += model[e] / square * change[e, i]
+    for e in range(model.size):
+        for i in range(along.size):
+            change[e, i] -= along[i] * model[e]
 
 
 @compiled

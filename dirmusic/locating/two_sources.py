@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.special import logsumexp
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.association import pooled
@@ -109,9 +108,6 @@ class TwoSources(NamedTuple):
         return (self.shares * self.offsets_m.T) @ self.offsets_m
 
 
-NOWHERE_M = np.zeros(N_PLACE)
-"""Offset of the track itself."""
-
 ONE_SOURCE = TwoSources(-np.inf, np.zeros((2, N_PLACE)), np.array([1.0, 0.0]))
 
 
@@ -140,24 +136,30 @@ def compare_with_two(
     sight_m = groups.pose[:, :2] - place_m[:2]
     ranges_m = np.hypot(np.linalg.norm(sight_m, axis=-1), place_m[2] - array.positions_m[:, 2].mean())
     near_m = float(np.quantile(ranges_m, NEAR_QUANTILE))
-    noises = [Noise(pose_error.position_m, pose_error.heading_rad, unexplained) for unexplained in UNEXPLAINED]
-    ones, twos = list[TwoSources](), list[TwoSources]()
-    for noise in noises:
-        scatters = [Scatter.about(place_m, NOWHERE_M, array_state, pulses, array, noise)]
-        one = fit(scatters, weight, np.zeros((1, N_PLACE)), np.ones(1), FIRST_ROUNDS)
-        starts = [one.offsets_m + START_M * np.array([axis, -axis]) for axis in START_AXES]
-        trials = [fit(2 * scatters, weight, start, np.full(2, 0.5), FIRST_ROUNDS) for start in starts]
-        ones.append(one)
-        twos.append(max(trials, key=lambda trial: trial.evidence))
-    least = max(one.evidence for one in ones)
-    if max(two.evidence for two in twos) > least + PROMISING:
-        for k, noise in enumerate(noises):
+
+    def about(off_m: FloatArray, unexplained: float) -> Scatter:
+        """Compute the residuals about an offset, with a level of unexplained errors."""
+        noise = Noise(pose_error.position_m, pose_error.heading_rad, unexplained)
+        return Scatter.about(place_m, off_m, array_state, pulses, array, noise)
+
+    ones = list[TwoSources]()
+    scatters = [about(np.zeros(N_PLACE), unexplained) for unexplained in UNEXPLAINED]
+    for scatter in scatters:
+        ones.append(fit([scatter], weight, np.zeros((1, N_PLACE)), np.ones(1), FIRST_ROUNDS))
+    k = max(range(len(ones)), key=lambda k: ones[k].evidence)
+    starts = [ones[k].offsets_m + START_M * np.array([axis, -axis]) for axis in START_AXES]
+    trials = [fit([scatters[k]] * 2, weight, start, np.full(2, 0.5), FIRST_ROUNDS) for start in starts]
+    first = max(trials, key=lambda trial: trial.evidence)
+    twos = [first._replace(unexplained=UNEXPLAINED[k])]
+    if first.evidence > ones[k].evidence + PROMISING:
+        for unexplained in UNEXPLAINED:
+            two = first
             for _ in range(N_LINEARISED):
-                offsets_m = np.clip(twos[k].offsets_m, -MOST_APART_M, MOST_APART_M)
-                scatters = [Scatter.about(place_m, off_m, array_state, pulses, array, noise) for off_m in offsets_m]
-                twos[k] = fit(scatters, weight, offsets_m, twos[k].shares, N_ROUNDS)
-    best, two = max(enumerate(twos), key=lambda item: item[1].evidence)
-    return two._replace(evidence=two.evidence - least, unexplained=UNEXPLAINED[best], near_m=near_m)
+                offsets_m = np.clip(two.offsets_m, -MOST_APART_M, MOST_APART_M)
+                two = fit([about(off_m, unexplained) for off_m in offsets_m], weight, offsets_m, two.shares, N_ROUNDS)
+            twos.append(two._replace(unexplained=unexplained))
+    best = max(twos, key=lambda two: two.evidence)
+    return best._replace(evidence=best.evidence - ones[k].evidence, near_m=near_m)
 
 
 class Scatter(NamedTuple):
@@ -215,7 +217,7 @@ def fit(
     prior, offsets_m = np.eye(N_PLACE) / APART_PRIOR_M**2, offsets_m.copy()
     for _ in range(n_rounds):
         each, root = log_likelihoods(scatters, offsets_m, shares)
-        own = np.exp(each - logsumexp(each, axis=0)) * weight
+        own = np.exp(each - np.logaddexp.reduce(each)) * weight
         shares = np.maximum(own.sum(axis=1) / weight.sum(), MIN_SHARE)
         shares /= shares.sum()
         for k, scatter in enumerate(scatters):
@@ -224,7 +226,7 @@ def fit(
             offsets_m[k] = np.linalg.solve(information + prior, pull)
     each, _ = log_likelihoods(scatters, offsets_m, shares)
     prior_cost = 0.5 * float(np.square(offsets_m / APART_PRIOR_M).sum())
-    return TwoSources(float(weight @ logsumexp(each, axis=0)) - prior_cost, offsets_m, shares)
+    return TwoSources(float(weight @ np.logaddexp.reduce(each)) - prior_cost, offsets_m, shares)
 
 
 def log_likelihoods(
