@@ -62,10 +62,12 @@ def _log_ratio(offset: FloatArray, std: FloatArray, wander: float) -> FloatArray
 def pulse_evidence(ratios: FloatArray, association: Association, window: IntArray) -> FloatArray:
     r"""Return the log odds of each source by the pulses, shape (n_sources,).
 
-    Without source k, its share :math:`\pi_k` goes to the others and to none, in proportion to what they explain:
+    Without source k, its share :math:`\pi_k` goes to none, or to all others in proportion to what they explain, whichever
+    explains the group better:
 
-    .. math:: \ln \frac{\sum_j \pi_j e^{a_j} + \pi_0}{(\sum_{j \ne k} \pi_j e^{a_j} + \pi_0) / (1 - \pi_k)}
-              + \frac{1 - s}{s} \ln(1 - s), \quad s = \frac{\pi_k}{\pi_k + \pi_0}
+    .. math:: \ln \frac{o + \pi_k e^{a_k}}{\max(o + \pi_k, \; o / (1 - \pi_k))}
+              + \frac{1 - s}{s} \ln(1 - s), \quad o = \sum_{j \ne k} \pi_j e^{a_j} + \pi_0, \quad
+              s = \frac{\pi_k}{\pi_k + \pi_0}
 
     The last term is for the pulses of the window that the source does not explain. In each window, the mean over the
     groups of the source counts.
@@ -77,13 +79,15 @@ def pulse_evidence(ratios: FloatArray, association: Association, window: IntArra
     """
     log_share = np.log(association.share)
     each = np.concatenate([ratios, np.zeros((1, ratios.shape[1]))]) + log_share
-    own = np.minimum(np.exp(each - np.logaddexp.reduce(each)), 1.0 - 1e-12)[:-1]
-    gain = np.log1p(-np.minimum(association.share[:-1], 1.0 - 1e-12)) - np.log1p(-own)
+    together = np.logaddexp.reduce(each)
     none = association.share[-1]
     evidence = np.empty(len(ratios))
     for k, of_source in enumerate(association.direct):
         share = np.minimum(association.share[k] / (association.share[k] + none), 1.0 - 1e-9)
-        chosen = gain[k] + (1.0 - share) / share * np.log1p(-share)
+        others = np.logaddexp.reduce(np.delete(each, k, axis=0))
+        rest = np.log1p(-np.minimum(association.share[k], 1.0 - 1e-12))
+        gain = together - np.maximum(np.logaddexp(others, log_share[k]), others - rest)
+        chosen = gain + (1.0 - share) / share * np.log1p(-share)
         total = np.bincount(window, of_source * chosen)
         evidence[k] = np.sum(total / np.maximum(np.bincount(window, of_source), 1.0))
     return evidence
