@@ -28,7 +28,7 @@ WRONG_MAP = 0.1
 OFF = 0.1
 """Share of windows in which a source may be off (assumed)."""
 
-OCCAM = 12.0
+OCCAM = 10.0
 """Log of the factor by which fitting position and level raises the likelihood of chance coincidences (assumed)."""
 
 RATE_SPREAD, WANDER_RATE = 0.6, 1.5
