@@ -62,8 +62,8 @@ def _log_ratio(offset: FloatArray, std: FloatArray, wander: float) -> FloatArray
 def pulse_evidence(ratios: FloatArray, association: Association, window: IntArray) -> FloatArray:
     r"""Return the log odds of each source by the pulses, shape (n_sources,).
 
-    Without source k, its share :math:`\pi_k` goes to none, or to all others in proportion to what they explain, whichever
-    explains the group better:
+    Without source k, its share :math:`\pi_k` goes to none, or to all others in proportion to what they explain,
+    whichever explains the group better:
 
     .. math:: \ln \frac{o + \pi_k e^{a_k}}{\max(o + \pi_k, \; o / (1 - \pi_k))}
               + \frac{1 - s}{s} \ln(1 - s), \quad o = \sum_{j \ne k} \pi_j e^{a_j} + \pi_0, \quad

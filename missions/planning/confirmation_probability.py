@@ -27,6 +27,7 @@ from scipy.special import ndtr
 
 from dirmusic.angles import azimuth_of, unit_vector
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.locating.existence import OCCAM, WANDER_DB, WANDER_RAD
 from dirmusic.locating.finding import CHI2_95
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION
@@ -44,10 +45,11 @@ the ground wave, errors of the pattern. Assumed; matters only where levels are w
 WINDOW_S = 5.0
 """Time for which errors are shared and an observation counts once, as in the Locator."""
 
-EVIDENCE, NEEDED = 2.9, 18.4
+EVIDENCE = float(np.log(WANDER_RAD / np.radians(2.6)) + np.log(WANDER_DB / SPREAD_DB)) - 1.0
+NEEDED = OCCAM + 1.8 + 4.6
 """Log odds from a window with a detection, and their sum that confirms. From the Locator's model: a wandering wave
-changes its bearing by 40 degrees and its level by 12 dB, a discharge by 2.6 degrees and 4 dB; the sum is 12 for the fit
-of position and level, 1.8 for the level, and 4.6 for the odds. Seven windows are needed."""
+changes bearing and level by more than a discharge does, by 2.6 degrees and `SPREAD_DB`; two normal errors cost 1 on
+average. The sum also makes up for the level, 1.8, and reaches the odds of 99 %, 4.6. Six windows are needed."""
 
 OFF = 0.1
 """Share of windows in which a discharge may be off, as in the Locator."""
