@@ -44,13 +44,13 @@ APART_PRIOR_M = 3.0
 
 POSSIBLE, CERTAIN, CERTAIN_OF_CANDIDATE = 25.0, 50.0, 100.0
 """Evidence above which a track is possibly two sources, above which a confirmed one is split into two tracks, and above
-which a candidate is, which may be a moving interferer. Measured: on a
-circle of 4 m, two sources 0.5 m apart reach 25 to 40, and those 1 m apart 75 to 140; most single sources stay below 2,
-but high ones in a hall with strong reflections reach 90."""
+which a candidate is, which may be a moving interferer. Measured: on a circle of 4 m, two sources 0.5 m apart reach 25 to
+40, and those 1 m apart 75 to 140; most single sources stay below 2, but high ones in a hall with strong reflections
+reach 90."""
 
 USUAL_UNEXPLAINED, LEAST_APART_RAD = 0.04, 0.2
-"""Level of unexplained errors from which `CERTAIN` grows in proportion to it, and least angle between two sources, seen
-from nearby, for a split (assumed): reflections look like a second source at a smaller angle."""
+"""Level of unexplained errors from which these thresholds grow in proportion to it, and least angle between two
+sources, seen from nearby, for a split (assumed): reflections look like a second source at a smaller angle."""
 
 LEAST_APART_M, MOST_APART_M, LEAST_SHARE = 0.25, 8.0, 0.2
 """Limits of the distance of two sources and of their shares (assumed): nearer, errors of the array look like two
@@ -86,21 +86,24 @@ class TwoSources(NamedTuple):
     def is_possible(self) -> bool:
         """True if two sources explain the groups so much better than one that both are likely."""
         is_between = LEAST_APART_M < self.apart_m < MOST_APART_M
-        return self.evidence > POSSIBLE and is_between and float(self.shares.min()) > LEAST_SHARE
+        return self._exceeds(POSSIBLE) and is_between and float(self.shares.min()) > LEAST_SHARE
 
     @property
     def is_certain(self) -> bool:
         """True if a confirmed track is to be split."""
-        return self._is_certain(CERTAIN)
+        return self.is_possible and self._is_seen and self._exceeds(CERTAIN)
 
     @property
     def is_certain_of_candidate(self) -> bool:
         """True if a candidate is to be split: errors of one between two sources may prevent its confirmation."""
-        return self._is_certain(CERTAIN_OF_CANDIDATE)
+        return self.is_possible and self._is_seen and self._exceeds(CERTAIN_OF_CANDIDATE)
 
-    def _is_certain(self, least: float) -> bool:
-        is_seen = self.apart_m > LEAST_APART_RAD * self.near_m
-        return self.is_possible and is_seen and self.evidence > least * max(self.unexplained / USUAL_UNEXPLAINED, 1.0)
+    @property
+    def _is_seen(self) -> bool:
+        return self.apart_m > LEAST_APART_RAD * self.near_m
+
+    def _exceeds(self, least: float) -> bool:
+        return self.evidence > least * max(self.unexplained / USUAL_UNEXPLAINED, 1.0)
 
     @property
     def scatter_m2(self) -> FloatArray:

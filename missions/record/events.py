@@ -15,12 +15,14 @@ EventKind = Literal[
     "confirmed",
     "outside",
     "dropped",
+    "possibly two",
     "note",
     "rejected",
     "error",
     "end",
 ]
-"""Kinds of events. Those from `candidate` to `dropped` are new states of a finding."""
+"""Kinds of events. Those from `candidate` to `dropped` are new states of a finding; the next one is about a finding,
+too."""
 
 
 class Phase(NamedTuple):

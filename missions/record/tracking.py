@@ -210,7 +210,7 @@ class Tracker:
                 self._log.event(finding.state, _state_text(finding, was and was.state), finding.id)
             if finding.possibly_two and not (was and was.possibly_two):
                 text = f"finding {finding.id} is possibly two sources: two explain its pulses better than one"
-                self._log.event("note", text, finding.id)
+                self._log.event("possibly two", text, finding.id)
         for gone in before.values():
             noun = "finding" if gone.state == "confirmed" else "candidate"
             text = f"{noun} {gone.id} was multipath, interference, or part of another source"
