@@ -44,8 +44,8 @@ APART_PRIOR_M = 3.0
 
 POSSIBLE, CERTAIN, CERTAIN_OF_CANDIDATE = 25.0, 50.0, 100.0
 """Evidence above which a track is possibly two sources, above which a confirmed one is split into two tracks, and above
-which a candidate is, which may be a moving interferer. Measured: on a circle of 4 m, two sources 0.5 m apart reach 25 to
-40, and those 1 m apart 75 to 140; most single sources stay below 2, but high ones in a hall with strong reflections
+which a candidate is, which may be a moving interferer. Measured: on a circle of 4 m, two sources 0.5 m apart reach 25
+to 40, and those 1 m apart 75 to 140; most single sources stay below 2, but high ones in a hall with strong reflections
 reach 90."""
 
 USUAL_UNEXPLAINED, LEAST_APART_RAD = 0.04, 0.2
