@@ -50,6 +50,16 @@ def test_source_in_the_shadow_of_another_has_little_evidence() -> None:
     assert (own < 0.5 * evidence(n, 1)).all()
 
 
+@pytest.mark.parametrize("strong", [0.01, 0.5, 0.85])
+def test_other_sources_do_not_add_to_the_evidence(strong: float) -> None:
+    """Pulses that no other source explains count the same beside a strong source, however few come from none."""
+    n, ratios = 6, np.stack([ratios_of(0.5, 1.0, 6), np.full(6, -30.0)])
+    share = np.tile([[0.1], [strong], [0.9 - strong]], (1, n))
+    association = Association(np.tile([[0.9], [0.0]], (1, n)), np.zeros((2, n)), share)
+    own = pulse_evidence(ratios, association, np.arange(n))[0]
+    assert own < ratios[0].sum()
+
+
 def test_rate_counts_where_a_source_is_visible() -> None:
     """Other numbers than expected lower the odds where detections were expected, up to the share of being off."""
     silent, expected = np.zeros(4), np.full(4, 20.0)
