@@ -50,7 +50,7 @@ def test_source_in_the_shadow_of_another_has_little_evidence() -> None:
     assert (own < 0.5 * evidence(n, 1)).all()
 
 
-@pytest.mark.parametrize("strong", [0.01, 0.5, 0.85])
+@pytest.mark.parametrize("strong", [0.01, 0.5, 0.895])
 def test_other_sources_do_not_add_to_the_evidence(strong: float) -> None:
     """Pulses that no other source explains count the same beside a strong source, however few come from none."""
     n, ratios = 6, np.stack([ratios_of(0.5, 1.0, 6), np.full(6, -30.0)])
