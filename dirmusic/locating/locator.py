@@ -89,7 +89,7 @@ DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
 """Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
 again (assumed)."""
 
-REFUTED_LOG_ODDS, REFUTED_WINDOWS, REFUTED_EVIDENCE = -5.0, 6, 3.0
+REFUTED_LOG_ODDS, REFUTED_WINDOWS, REFUTED_EVIDENCE = -5.0, 6, 0.0
 """Log odds below which a track is deleted once it is tested: silence or an image have that much weight, or it has had
 pulses in so many windows and little evidence from them (assumed)."""
 
