@@ -7,7 +7,7 @@ import tyro
 
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
-from pdpatrol.missions.cli.terminal import err, output_folder, progress_bar
+from pdpatrol.missions.cli.terminal import err, note, output_folder, progress_bar
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import locate_field_data
 from pdpatrol.missions.field.survey import SurveyOptions
@@ -48,5 +48,6 @@ def locate(
             report = write_mission(log, stopwatch.total_s, folder)
     if timing:
         print_times(stopwatch)
+    note(*report.notes)
     counts = f"{data.time_s.size} poses, {data.step.size} pulses, {report.n_bearings} bearings"
     print_outcome(report, folder, [counts], json_output)

@@ -80,13 +80,14 @@ def print_times(stopwatch: Stopwatch) -> None:
 
 
 def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
-    """Print notes; then the report as JSON, or findings, problems of the array, the given lines, and the files."""
-    note(*report.notes)
+    """Print the report as JSON, or print findings, problems of the array, the given lines, and the files written."""
     if json_output:
         sys.stdout.write(report_text(report))
         return
     print_findings(report)
-    for heading, doubts in (("Receiver", report.channel_faults), ("Calibration", report.calibration)):
+    contradictions = report.array.contradictions if report.array else ()
+    parts = ("Receiver", report.channel_faults), ("Calibration", report.calibration), ("Array", contradictions)
+    for heading, doubts in parts:
         for doubt in doubts:
             out.print(f"{heading}: {doubt}", style="yellow")
     for line in lines:

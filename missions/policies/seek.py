@@ -29,6 +29,10 @@ PATIENCE_S = 50.0
 UNDETECTED_S = 20.0
 """Time of pursuit without a detection after which a candidate is set aside until it is detected again. Assumed."""
 
+FRUITLESS_S, LIKELY = 100.0, 0.5
+"""Time of pursuit without a confirmation after which only candidates of this existence probability are pursued until
+one is confirmed or the route is finished. Assumed; multipath can initiate candidates again and again."""
+
 KNOWN_M = 0.5
 """Longer half-axis of the 95 % ellipse below which a candidate needs a view from a new side instead of more
 information. Assumed."""
@@ -84,6 +88,7 @@ class Seek(ReportingPolicy):
         self._patrol = Patrol()
         self._target: int | None = None
         self._pursuits: dict[int, Pursuit] = {}
+        self._fruitless_s, self._n_confirmed = 0.0, 0
         self._views_m: list[FloatArray] = []
         self._drive: PathFollower | None = None
         self._planned_s = -np.inf
@@ -95,13 +100,14 @@ class Seek(ReportingPolicy):
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
         if self._patrol.is_homebound(site_map) and not self._has_new_time:
             self._has_new_time = True
-            self._pursuits = {}
+            self._pursuits, self._fruitless_s = {}, 0.0
         target = self._choose(findings, pose) if site_map.route.stops_m else None
         if target is not None:
             action = self._pursue(target, pose, time_s, site_map)
             if action is not None:
                 self.phase = Phase("seek", target.id)
                 self._pursuits[target.id].spend(target, STEP_S)
+                self._fruitless_s += STEP_S
                 return action
             self._pursuits[target.id].spend(target, 25.0)  # cost of a candidate without a viewpoint (assumed)
             self._drop()
@@ -126,7 +132,12 @@ class Seek(ReportingPolicy):
         """Return the current candidate while its time is not spent, else the nearest such one."""
         if self._is_late:
             return None
-        candidates = {f.id: f for f in findings if f.state == "candidate"}
+        n_confirmed = sum(f.state == "confirmed" for f in findings)
+        if n_confirmed > self._n_confirmed:
+            self._fruitless_s = 0.0
+        self._n_confirmed = n_confirmed
+        least = LIKELY if self._fruitless_s > FRUITLESS_S else 0.0
+        candidates = {f.id: f for f in findings if f.state == "candidate" and f.existence >= least}
         for number in candidates.keys() & self._pursuits.keys():
             self._pursuits[number].note_detection(candidates[number])
             if self._pursuits[number].is_over:

@@ -89,6 +89,7 @@ def check_array(log: MissionLog) -> ArrayCheck | None:
         yaw_deg=np.degrees(estimate["yaw_rad"]),
         yaw_std_deg=np.degrees(estimate["yaw_std_rad"]),
         pattern_error=estimate["pattern_error"],
+        contradictions=tuple(event["text"][event["kind"] == "array"].tolist()),
         by_channel_db=dict(zip((sound + 1).tolist(), _in_db(by_channel).tolist(), strict=True)),
         by_angle=tuple(gains),
         by_range=tuple(ranges),

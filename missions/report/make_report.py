@@ -66,7 +66,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         calibration=_events(events, "calibration"),
         array=check_array(log),
         notes=(
-            *_events(events, "array", "note", "frame", "rejected", "error"),
+            *_events(events, "note", "frame", "rejected", "error"),
             *([CLOCK_NOTE.format(offset_hz)] if offset_hz else []),
         ),
         findings=findings,

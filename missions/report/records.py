@@ -223,6 +223,8 @@ class ArrayCheck(ReportPart):
     """Its standard deviation, degrees."""
     pattern_error: Length
     """Standard deviation of the gain pattern from that of the data sheet, relative to the largest gain."""
+    contradictions: tuple[str, ...]
+    """How the array differs from its data sheet, one sentence each; empty if it hardly does."""
     by_channel_db: dict[int, Number]
     """Gain of each sound channel relative to the data sheet, decibels, by its number; only differences matter."""
     by_angle: tuple[GainInMission, ...]
@@ -341,7 +343,7 @@ class Report(ReportPart):
     array: ArrayCheck | None
     """Comparison of the pulses with the data sheet of the array; null without a confirmed finding."""
     notes: tuple[str, ...]
-    """Unusual properties of the data, deviations from data sheet and map, and errors."""
+    """Unusual properties of the data, deviations from the map, and errors."""
     findings: tuple[FindingRecord, ...]
     """Confirmed findings, sorted by id."""
     candidates: tuple[FindingRecord, ...]
