@@ -489,7 +489,7 @@ class Locator:
             is_placed = track.semi_major_m < LOCATED_M or rate < -OCCAM
             is_refuted = track.log_odds < REFUTED_LOG_ODDS and is_tested and is_placed
             n_pulses = float(track.direct @ self._pool.groups.n_pulses)
-            if not is_refuted and (n_pulses >= LEAST_PULSES or track.confirmed_s is not None):
+            if not is_refuted and (n_pulses >= LEAST_PULSES or track.state == "confirmed"):
                 kept.append(track)
         self._keep(kept)
 
