@@ -1,4 +1,4 @@
-"""The finding, which is a located discharge, and the 95 % ellipse of its position."""
+"""The finding, which is a located discharge, and the distribution of its position with its 95 % ellipse."""
 
 from __future__ import annotations
 
@@ -7,13 +7,51 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.stats import chi2, f, multivariate_t, norm
+from scipy.stats.qmc import Sobol
 
 from dirmusic.arrays import FloatArray
 
 State = Literal["candidate", "confirmed", "outside"]
 
-CHI2_95 = float(-2.0 * np.log(0.05))
-"""95 % quantile of chi-square with two degrees of freedom, whose distribution function is 1 - exp(-x / 2)."""
+DEGREES_OF_FREEDOM = 4
+"""Degrees of freedom of the errors of positions, see `log_density`. Measured on 377 findings of all levels of
+the suite: normal distributions of 50, 68, 90 and 95 % held 69, 79, 91 and 94 %, these hold 51, 72, 90 and 95 %."""
+
+
+OF_COVARIANCE = (DEGREES_OF_FREEDOM - 2) / DEGREES_OF_FREEDOM
+"""Scale matrix of Student's t distribution relative to its covariance."""
+
+
+def square_within(share: float, n_dimensions: int) -> float:
+    """Return the squared Mahalanobis distance within which a share of the positions lies, in 1, 2 or 3 dimensions."""
+    return float(n_dimensions * OF_COVARIANCE * f.ppf(share, n_dimensions, DEGREES_OF_FREEDOM))
+
+
+def log_density(places_m: FloatArray, position_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
+    """Return the logarithm of the density of a position at given places.
+
+    It is Student's t distribution with the stated covariance. Its tails are heavier than those of a normal
+    distribution, because the size of the errors is itself estimated, from few places and directions.
+
+    Args:
+        places_m: Places, shape (..., 3).
+        position_m: Mean of the position, shape (3,).
+        covariance_m2: Covariance of the position, shape (3, 3).
+    """
+    return np.asarray(multivariate_t.logpdf(places_m, position_m, OF_COVARIANCE * covariance_m2, DEGREES_OF_FREEDOM))
+
+
+def draw_positions(position_m: FloatArray, covariance_m2: FloatArray, log2_n: int) -> FloatArray:
+    """Draw quasi-random positions from the same distribution, shape (2**log2_n, 3)."""
+    points = Sobol(4, rng=0).random_base2(log2_n)
+    root = np.linalg.cholesky(OF_COVARIANCE * covariance_m2)
+    stretch = np.sqrt(DEGREES_OF_FREEDOM / chi2.ppf(points[:, :1], DEGREES_OF_FREEDOM))
+    return position_m + stretch * norm.ppf(points[:, 1:]) @ root.T
+
+
+SQUARE_95 = square_within(0.95, 2)
+"""Squared Mahalanobis distance of the 95 % ellipse."""
 
 
 class Ellipse(NamedTuple):
@@ -34,8 +72,8 @@ def ellipse95(covariance_m2: FloatArray) -> Ellipse:
     """Compute the 95 % ellipse of a position covariance, shape (2, 2)."""
     values, vectors = np.linalg.eigh(covariance_m2)
     return Ellipse(
-        semi_major_m=float(np.sqrt(CHI2_95 * values[1])),
-        semi_minor_m=float(np.sqrt(CHI2_95 * values[0])),
+        semi_major_m=float(np.sqrt(SQUARE_95 * values[1])),
+        semi_minor_m=float(np.sqrt(SQUARE_95 * values[0])),
         angle_rad=float(np.arctan2(vectors[1, 1], vectors[0, 1])),
     )
 
@@ -43,13 +81,13 @@ def ellipse95(covariance_m2: FloatArray) -> Ellipse:
 def outline95(position_m: FloatArray, covariance_m2: FloatArray, n_points: int) -> FloatArray:
     """Compute points on the 95 % ellipse of a position, as a closed line of shape (n_points, 2)."""
     angle = np.linspace(0, 2 * np.pi, n_points)
-    root = np.linalg.cholesky(CHI2_95 * covariance_m2)
+    root = np.linalg.cholesky(SQUARE_95 * covariance_m2)
     return position_m + np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ root.T
 
 
 def is_inside95(miss_m: FloatArray, covariance_m2: FloatArray) -> bool:
     """Return whether an offset, shape (2,), lies inside the 95 % ellipse of a covariance, shape (2, 2)."""
-    return bool(miss_m @ np.linalg.solve(covariance_m2, miss_m) <= CHI2_95)
+    return bool(miss_m @ np.linalg.solve(covariance_m2, miss_m) <= SQUARE_95)
 
 
 def reaches95(position_m: FloatArray, covariance_m2: FloatArray, corner_m: FloatArray) -> bool:
@@ -68,7 +106,7 @@ def reaches95(position_m: FloatArray, covariance_m2: FloatArray, corner_m: Float
     edges = np.roll(starts, -1, axis=0) - starts
     along = np.clip(-(starts * edges).sum(axis=-1) / np.square(edges).sum(axis=-1), 0.0, 1.0)
     nearest = starts + along[:, np.newaxis] * edges
-    return bool(np.square(nearest).sum(axis=-1).min() <= CHI2_95)
+    return bool(np.square(nearest).sum(axis=-1).min() <= SQUARE_95)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

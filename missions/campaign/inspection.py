@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
 
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
 from dirmusic.arrays import FloatArray
+from dirmusic.locating.finding import square_within
 from pdpatrol.missions.record.log_contents import array_height_of, described_manifold, known_yard, map_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import findings_at
@@ -213,7 +213,7 @@ def _match(
         for row, finding in enumerate(findings):
             off_m = finding.position_m - place_m
             squares[row, column] = off_m @ np.linalg.solve(finding.repeat_covariance_m2 + covariance_m2, off_m)
-    gate = chi2.ppf(0.999, 3)  # excludes one in a thousand findings of the same discharge
+    gate = square_within(0.99, 3)  # excludes one in a hundred findings of the same discharge
     rows, columns = linear_sum_assignment(np.where(squares <= gate, squares, 1e9))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {row: joined[column] for row, column in pairs if squares[row, column] <= gate}

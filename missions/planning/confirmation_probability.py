@@ -28,7 +28,7 @@ from scipy.special import ndtr
 from dirmusic.angles import azimuth_of, unit_vector
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.existence import OCCAM, WANDER_DB, WANDER_RAD
-from dirmusic.locating.finding import CHI2_95
+from dirmusic.locating.finding import SQUARE_95
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION
 from pdpatrol.sensing import HelicalArray
@@ -211,7 +211,7 @@ class ConfirmationModel:
         products = (across[:, i] * across[:, j] / weight for i, j in ((0, 0), (0, 1), (1, 1)))
         xx, xy, yy = ((by_window(is_detected * each) / np.maximum(n_detected, 1.0)).sum(axis=1) for each in products)
         least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)  # information along the major axis
-        is_located = least * self._rules.confirm_semi_major_m**2 >= CHI2_95
+        is_located = least * self._rules.confirm_semi_major_m**2 >= SQUARE_95
         n_open = (by_window(is_detected & traces.is_open) > 0.0).sum(axis=1)
         n_traces = (traces.n_pulses >= np.maximum(1.0, 0.5 * by_window(mean * traces.is_open))).sum()
         is_noticed = exists & (n_open > 2 * (n_traces + 1))

@@ -8,7 +8,7 @@ from scipy.spatial.distance import cdist
 
 from dirmusic import Finding
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.finding import CHI2_95
+from dirmusic.locating.finding import SQUARE_95
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
@@ -204,7 +204,7 @@ class Active(Seek):
         is_new = cdist(site_map.centres_m, views_m).min(axis=-1) > 0.6
         gained = paths.integrate(information * is_new[:, np.newaxis, np.newaxis])
         after_m2 = np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained)
-        semi_major_m = np.sqrt(CHI2_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
+        semi_major_m = np.sqrt(SQUARE_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
         time_s = np.where(paths.length_m > MIN_PATH_M, driving_time(paths, pose), np.inf)
         sufficient_s = np.where(semi_major_m <= 0.8 * KNOWN_M, time_s, np.inf)
         best = int(sufficient_s.argmin())

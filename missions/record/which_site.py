@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import multivariate_normal, qmc
 
 from dirmusic.arrays import FloatArray
+from dirmusic.locating.finding import draw_positions, log_density
 from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -47,7 +47,7 @@ def site_probabilities(
     weights = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / volume_m3}
     if sites:
         sites_m = np.array([yard.site_position(name) for name in sites])
-        density = np.atleast_1d(multivariate_normal.pdf(sites_m, position_m, covariance))
+        density = np.atleast_1d(np.exp(log_density(sites_m, position_m, covariance)))
         weights |= dict(zip(sites, (ON_SITES / len(sites) * density).tolist(), strict=True))
     if yard.equipment:
         by_solid = ON_EQUIPMENT * _surface_density(yard.solids, position_m, covariance)
@@ -77,12 +77,12 @@ def true_place(yard: Yard, known: Yard, position_m: FloatArray) -> str:
 
 
 def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
-    """Return the density, per cubic metre, of a normal distribution near the surface of each solid, shape (n_solids,).
+    """Return the density, per cubic metre, of a position near the surface of each solid, shape (n_solids,).
 
     The density is the probability of the layer within `LAYER_M` of the solid's surface, divided by the volume of the
     layers of all solids. The error due to the quasi-random points is below 1 % of the highest density.
     """
-    points_m = qmc.MultivariateNormalQMC(mean_m, covariance_m2, rng=0).random(4096)
+    points_m = draw_positions(mean_m, covariance_m2, 12)
     is_near = (np.abs(solids.distance(points_m)) < LAYER_M) & (points_m[:, 2:] > 0.0)  # above the ground
     around_m = 4.0 * solids.half_size_m.sum(axis=1) + 2.0 * np.pi * solids.radius_m
     top_m2 = 4.0 * solids.half_size_m.prod(axis=1) + np.pi * np.square(solids.radius_m)

@@ -10,7 +10,8 @@ import json
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer
-from scipy.stats import chi2
+
+from dirmusic.locating.finding import square_within
 
 
 def _rounded(value: float) -> float:
@@ -243,10 +244,10 @@ class SourceMatch(ReportPart):
     height_error_m: Number
     """Height of the finding above the source, metres."""
     mahalanobis2_2d: Length
-    """Squared horizontal Mahalanobis distance of the source from the finding; chi-square with two degrees of freedom if
-    the stated covariance is right."""
+    """Squared horizontal Mahalanobis distance of the source from the finding: its quantiles are those of
+    `finding.square_within` if the statement is right."""
     mahalanobis2_3d: Length
-    """The same in three dimensions, with three degrees of freedom."""
+    """The same in three dimensions."""
     log_score: Number
     """Minus the logarithm of the stated density of the position at the source, per cubic metre; lower is better."""
     right_site: bool
@@ -256,7 +257,7 @@ class SourceMatch(ReportPart):
 
     def is_inside(self, share: float) -> tuple[bool, bool]:
         """Return whether the source lies in the ellipse, and in the ellipsoid, that are stated to hold a share."""
-        return bool(self.mahalanobis2_2d <= chi2.ppf(share, 2)), bool(self.mahalanobis2_3d <= chi2.ppf(share, 3))
+        return self.mahalanobis2_2d <= square_within(share, 2), self.mahalanobis2_3d <= square_within(share, 3)
 
 
 class ScoredSource(ReportPart):

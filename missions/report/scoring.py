@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from dirmusic.arrays import BoolArray, FloatArray
+from dirmusic.locating.finding import log_density
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.missions.planning.confirmation_probability import WINDOW_S
 from pdpatrol.missions.record.log_contents import known_yard, true_yard
@@ -121,7 +122,7 @@ def pair_findings(found_m: FloatArray, true_m: FloatArray) -> tuple[dict[int, in
 def _match(finding: FindingRecord, true_m: FloatArray, places: Mapping[str, float], site: str) -> SourceMatch:
     """Compare a finding with its source.
 
-    Log scores are minus the logarithm of what was stated for the truth: the density of the normal distribution, and the
+    Log scores are minus the logarithm of what was stated for the truth: the density of the position, and the
     probability of the site (Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", 2007,
     section 4.1).
     """
@@ -133,7 +134,7 @@ def _match(finding: FindingRecord, true_m: FloatArray, places: Mapping[str, floa
         height_error_m=float(offset_m[2]),
         mahalanobis2_2d=d2_2d,
         mahalanobis2_3d=d2_3d,
-        log_score=0.5 * (d2_3d + float(np.linalg.slogdet(2.0 * np.pi * covariance_m2)[1])),
+        log_score=-float(log_density(true_m, finding.position_m, covariance_m2)),
         right_site=site == next(iter(places)),
         site_log_score=-float(np.log(max(places.get(site, 0.0), LEAST_PROBABILITY))),
     )

@@ -14,6 +14,7 @@ from statsmodels.stats.proportion import proportion_confint
 
 from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.locating.finding import square_within
 from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset, Frame
 from pdpatrol.missions.sweep.plan import parse_toml
 
@@ -214,7 +215,7 @@ def _with_derived(missions: Frame) -> Frame:
     sources = sources.explode(list(sources)).astype(np.float64)
     is_low = sources["true_heights_m"] < LOW_M
     inside = {
-        name: (sources[f"mahalanobis2_{n}d"] <= stats.chi2.ppf(share, n)) & (is_low | (not low))
+        name: (sources[f"mahalanobis2_{n}d"] <= square_within(share, n)) & (is_low | (not low))
         for name, (n, share, low) in COVERAGES.items()
     }
     return missions.assign(

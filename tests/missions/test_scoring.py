@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 from rich.console import Console
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_t
 
 from dirmusic.locating.finding import ellipse95, is_inside95
 from pdpatrol.envs import load_scenario
@@ -65,7 +65,7 @@ def scored(log: MissionLog, certified: tuple[str, ...] = (), level_db: float = -
     return make_report(log, 0.0, SiteInspections(level_db=level_db, rate_hz=rate_hz, sites=sites)).scores
 
 
-def test_distances_and_log_score_are_those_of_the_stated_normal_distribution() -> None:
+def test_distances_and_log_score_are_those_of_the_stated_distribution() -> None:
     root = np.array([[0.2, 0.0, 0.0], [0.1, 0.3, 0.0], [-0.1, 0.2, 0.5]])
     covariance, offset_m = root @ root.T, np.array([0.3, -0.2, 0.4])
     log = log_of(SITE_M)
@@ -74,7 +74,7 @@ def test_distances_and_log_score_are_those_of_the_stated_normal_distribution() -
     assert (match.error_m, match.height_error_m) == pytest.approx((np.hypot(0.3, 0.2), 0.4))
     assert match.mahalanobis2_3d == pytest.approx(np.square(np.linalg.solve(root, offset_m)).sum())
     assert match.mahalanobis2_2d == pytest.approx(np.square(np.linalg.solve(root[:2, :2], offset_m[:2])).sum())
-    assert match.log_score == pytest.approx(-multivariate_normal.logpdf(offset_m, cov=covariance))
+    assert match.log_score == pytest.approx(-multivariate_t.logpdf(offset_m, shape=0.5 * covariance, df=4))
     assert match.is_inside(0.95)[0] is is_inside95(offset_m[:2], covariance[:2, :2])
 
 

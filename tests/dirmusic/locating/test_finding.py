@@ -1,14 +1,23 @@
 """Findings: valid values, equality, and the 95 % ellipse of their position."""
 
+import itertools
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import chi2
 
-from dirmusic.locating.finding import CHI2_95, ellipse95, is_inside95, outline95, reaches95
+from dirmusic.locating.finding import (
+    SQUARE_95,
+    draw_positions,
+    ellipse95,
+    is_inside95,
+    log_density,
+    outline95,
+    reaches95,
+    square_within,
+)
 from tests.dirmusic.scenes import make_finding, rotation
 
 
@@ -40,8 +49,8 @@ def test_findings_are_equal_if_all_values_are() -> None:
 def test_ellipse_axes_are_those_of_the_covariance(major: float, minor: float, turn: float) -> None:
     axes = rotation(turn)
     ellipse = ellipse95(axes @ np.diag([major**2, minor**2]) @ axes.T)
-    assert ellipse.semi_major_m == pytest.approx(major * np.sqrt(CHI2_95))
-    assert ellipse.semi_minor_m == pytest.approx(minor * np.sqrt(CHI2_95))
+    assert ellipse.semi_major_m == pytest.approx(major * np.sqrt(SQUARE_95))
+    assert ellipse.semi_minor_m == pytest.approx(minor * np.sqrt(SQUARE_95))
     assert abs(np.sin(ellipse.angle_rad - turn)) < 1e-6
 
 
@@ -49,10 +58,24 @@ def test_outline_is_closed_and_lies_at_the_quantile() -> None:
     covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
     line = outline95(np.array([3.0, 4.0]), covariance, 49)
     off = line - [3.0, 4.0]
-    np.testing.assert_allclose((off @ np.linalg.inv(covariance) * off).sum(axis=1), CHI2_95)
+    np.testing.assert_allclose((off @ np.linalg.inv(covariance) * off).sum(axis=1), SQUARE_95)
     np.testing.assert_allclose(line[0], line[-1])
-    assert pytest.approx(chi2.ppf(0.95, 2), rel=1e-12) == CHI2_95
     assert all(is_inside95(0.99 * each, covariance) and not is_inside95(1.01 * each, covariance) for each in off)
+
+
+def test_stated_shares_of_positions_lie_within_the_stated_distances() -> None:
+    """Density, drawn positions and quantiles are those of one distribution with the stated covariance."""
+    root = np.array([[0.2, 0.0, 0.0], [0.1, 0.3, 0.0], [-0.1, 0.2, 0.5]])
+    mean_m, covariance_m2 = np.array([3.0, 4.0, 1.0]), root @ root.T
+    drawn_m = draw_positions(mean_m, covariance_m2, 16)
+    off = np.linalg.solve(root, (drawn_m - mean_m).T).T
+    for n, share in itertools.product((1, 2, 3), (0.5, 0.68, 0.9, 0.95, 0.999)):
+        assert np.mean(np.square(off[:, :n]).sum(axis=1) <= square_within(share, n)) == pytest.approx(share, abs=2e-3)
+    assert square_within(0.95, 2) == SQUARE_95
+    np.testing.assert_allclose(off.T @ off / off.shape[0], np.eye(3), atol=0.05)
+    box = 0.1 * (np.random.default_rng(0).random((400, 3)) - 0.5) + mean_m
+    inside = np.all(np.abs(drawn_m - mean_m) <= 0.05, axis=1).mean()
+    assert np.exp(log_density(box, mean_m, covariance_m2)).mean() * 1e-3 == pytest.approx(inside, rel=0.1)
 
 
 def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
@@ -64,9 +87,9 @@ def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
         axes, centre = rotation(rng.uniform(0.0, np.pi)), rng.uniform(-40.0, 70.0, 2)
         covariance = axes @ np.diag(np.square([rng.uniform(0.5, 20.0), rng.uniform(0.5, 3.0)])) @ axes.T
         distance2 = ((grid - centre) @ np.linalg.inv(covariance) * (grid - centre)).sum(axis=1).min()
-        if not 0.9 * CHI2_95 < distance2 < 1.1 * CHI2_95:  # the grid is too coarse to decide
-            assert reaches95(centre, covariance, corner) == (distance2 < CHI2_95)
-            n_reaching += distance2 < CHI2_95
+        if not 0.9 * SQUARE_95 < distance2 < 1.1 * SQUARE_95:  # the grid is too coarse to decide
+            assert reaches95(centre, covariance, corner) == (distance2 < SQUARE_95)
+            n_reaching += distance2 < SQUARE_95
     assert 30 < n_reaching < 170
 
 

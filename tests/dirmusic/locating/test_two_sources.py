@@ -7,7 +7,7 @@ import pytest
 
 from dirmusic import Finding
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.finding import CHI2_95
+from dirmusic.locating.finding import SQUARE_95
 from tests.dirmusic.locating.test_locator import confirmed, detections, listen, path_round
 
 CENTRE_M = np.array([20.0, 15.0, 1.8])
@@ -42,7 +42,7 @@ def test_sources_half_a_metre_apart_are_possibly_two_or_found_one_by_one() -> No
         if len(findings) == 1 and findings[0].possibly_two:
             off_m = places_m[:, :2] - findings[0].position_m[:2]
             inside = np.linalg.solve(findings[0].covariance_m2[:2, :2], off_m.T) * off_m.T
-            n_right += bool((inside.sum(axis=0) < CHI2_95).all())
+            n_right += bool((inside.sum(axis=0) < SQUARE_95).all())
         n_right += len(findings) == 2
     assert n_right >= N_CASES - 1
 
