@@ -1,4 +1,4 @@
-"""Estimate of an array by the pulses of confirmed sources, and what it says about the data sheet."""
+"""Estimate of an array by the pulses of confirmed sources, and contradictions between it and the data sheet."""
 
 from __future__ import annotations
 

@@ -384,7 +384,7 @@ class JointFit:
         )
 
     def _place_covariances(self, optimum: Optimum, levels: ErrorLevels) -> FloatArray:
-        r"""Return the covariance of each position, including what the optimum does not show about the height.
+        r"""Return the covariance of each position, including errors of the height beyond the optimum.
 
         These are the side of the array's plane, and the vertical scale: off the plane, a common error of the pattern is
         hardly distinguished from a factor of all heights above the array. Measured on computed helices: this factor has

@@ -12,8 +12,8 @@ discharge:
   were expected without one adds :math:`\ln(q + (1 - q) e^{-n})`, where q is `OFF`; the sum must reach `NEEDED`;
 - aperture: the lines of sight span the angle that confirmation requires;
 - position: one bearing for each window, because errors of array and pose are shared within it, gives a 95 % ellipse
-  that is small enough to confirm. With the errors of the data sheet, 2.5 degrees by default, this is what the Locator
-  states: the ellipses of 28 weak sources in nominal missions are those of 2.6 degrees.
+  that is small enough to confirm. With the errors of the data sheet, 2.5 degrees by default, it agrees with the
+  Locator, whose ellipses of 28 weak sources in nominal missions correspond to 2.6 degrees.
 
 A discharge that meets the first two conditions but not the third remains a candidate.
 """
@@ -129,7 +129,7 @@ class Traces(NamedTuple):
 
 
 class Chances(NamedTuple):
-    """Probabilities of what a discharge would have caused.
+    """Probabilities of the effects of a discharge.
 
     Attributes:
         confirmed: That it would be confirmed.

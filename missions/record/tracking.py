@@ -32,7 +32,7 @@ then the robot is elsewhere, and a survey of several days does not need one for 
 class Tracker:
     """Adapter that passes usable pulses to a Locator: those with a direction, and without clipped channels.
 
-    No other code calls the Locator. The covariances of its findings are those of positions in the frame of the poses;
+    No other code calls the Locator. The covariances of its findings refer to the frame of the poses;
     the tracker adds the error of that frame against the map.
 
     Pulses, bearings, findings and their new states are logged in the last step of the log.

@@ -122,8 +122,8 @@ def pair_findings(found_m: FloatArray, true_m: FloatArray) -> tuple[dict[int, in
 def _match(finding: FindingRecord, true_m: FloatArray, places: Mapping[str, float], site: str) -> SourceMatch:
     """Compare a finding with its source.
 
-    Log scores are minus the logarithm of what was stated for the truth: the density of the position, and the
-    probability of the site (Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", 2007,
+    Log scores are minus the logarithm of the density that was stated at the true position, and of the probability
+    that was stated for the true site (Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", 2007,
     section 4.1).
     """
     offset_m, covariance_m2 = finding.position_m - true_m, np.array(finding.covariance_m2)
@@ -141,7 +141,7 @@ def _match(finding: FindingRecord, true_m: FloatArray, places: Mapping[str, floa
 
 
 class LiveScores(NamedTuple):
-    """Scores of what was shown as confirmed while the mission ran.
+    """Scores of the confirmations that were shown while the mission ran.
 
     Attributes:
         n_confirmations: Number of findings that were confirmed at any time.
@@ -210,7 +210,7 @@ def _is_excluded(
         truth: The source as drawn.
         config: The source in the scenario.
         time_s: Times of all steps, shape (n_steps,).
-        is_near: True for steps at which the robot was near, shape (n_steps,); if there are none, all count.
+        is_near: True for steps at which the robot was near, shape (n_steps,); without any, all count.
         inspection: The level and rate.
     """
     begin_s, end_s = _activity_s(config)

@@ -1,4 +1,4 @@
-"""What is true and differs from what the robot believes: each key of `[nature]` changes nature alone."""
+"""Nature that differs from the belief of the robot: each key of `[nature]` changes nature alone."""
 
 from typing import Any
 
@@ -181,7 +181,7 @@ def test_drawn_drift_is_part_of_the_truth() -> None:
 
 
 def drawn(settings: dict[str, Any], duration_s: float = 600.0, seed: int = 0) -> Emissions:
-    """Draw what the sources and interferers of a scenario emit."""
+    """Draw the emissions of the sources and interferers of a scenario."""
     generators = Generators.spawn(np.random.default_rng(seed))
     episode = Episode.draw(loaded(settings), Surroundings(), generators, ResetOptions())
     return episode.listener.scene.draw(0.0, duration_s, generators.nature)

@@ -89,7 +89,7 @@ def test_rows_with_faulty_channels_equal_single_environments() -> None:
 
 
 def test_rows_with_another_nature_equal_single_environments() -> None:
-    """Array, pose sensor and receiver differ from what is believed, and an interferer stands inside the fence."""
+    """Array, pose sensor and receiver differ from the belief, and an interferer stands inside the fence."""
     nature = {
         "array": {"beam_width_scale": 1.1, "mount_yaw_deg": 2.0},
         "pose_sensor": {"jumps_per_min": 60.0, "jump_std_m": 0.3, "dropouts_per_min": 30.0, "dropout_s": 0.5,

@@ -31,7 +31,7 @@ K_PER_M = 2 * np.pi * np.linspace(1.4e9, 2.2e9, 17) / 299_792_458.0
 
 @dataclass(frozen=True, kw_only=True)
 class Nature:
-    """What is true of one array, in its mount above the ground."""
+    """True properties of one array, in its mount above the ground."""
 
     widening: float = 0.0
     tilt_rad: tuple[float, float] = (0.0, 0.0)

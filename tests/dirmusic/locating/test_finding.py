@@ -64,7 +64,7 @@ def test_outline_is_closed_and_lies_at_the_quantile() -> None:
 
 
 def test_stated_shares_of_positions_lie_within_the_stated_distances() -> None:
-    """Density, drawn positions and quantiles are those of one distribution with the stated covariance."""
+    """Density, drawn positions and quantiles describe one distribution with the stated covariance."""
     root = np.array([[0.2, 0.0, 0.0], [0.1, 0.3, 0.0], [-0.1, 0.2, 0.5]])
     mean_m, covariance_m2 = np.array([3.0, 4.0, 1.0]), root @ root.T
     drawn_m = draw_positions(mean_m, covariance_m2, 16)

@@ -60,7 +60,7 @@ def test_multipath_of_a_known_source_initiates_only_where_it_crosses() -> None:
 
 
 def test_lines_of_sight_in_random_directions_initiate_nothing() -> None:
-    """However many lines of sight there are, some cross by chance."""
+    """Of many lines of sight in random directions, some cross."""
     n_initiated = 0
     for seed in range(40):
         path_m, rng = around(SOURCE_M, 8.0, 0.0, 300.0, 120), np.random.default_rng(seed)

@@ -130,7 +130,7 @@ def test_strengths_equal_the_formula() -> None:
 
 
 def test_slopes_equal_central_differences() -> None:
-    """All derivatives are those of the formula with the coefficient of the ground wave held fixed."""
+    """All derivatives belong to the formula with the coefficient of the ground wave held fixed."""
     pulses = drawn_pulses()
     for k in range(N):
         result, (amplitude, _, _) = prediction(pulses, k)

@@ -75,7 +75,7 @@ def test_settled_groups_never_change() -> None:
 
 
 def test_group_is_the_average_of_its_pulses() -> None:
-    """Mean and variance are those of the pulses one by one, weighted by their noise in each usable channel."""
+    """Mean and variance equal those of the pulses one by one, weighted by their noise in each usable channel."""
     rng = np.random.default_rng(4)
     pulses = noisy_pulses(np.array([0.2, 3.1, 0.21, -3.1, 0.19]), 0.01, rng)
     is_usable = np.ones((5, 6), dtype=np.bool_)

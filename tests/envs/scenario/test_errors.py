@@ -1,4 +1,4 @@
-"""Error messages for scenario files, one line each with file, key, what must hold and what was given; and notes."""
+"""Error messages for scenario files, one line each with file, key, the condition and the given value; and notes."""
 
 import tomllib
 from pathlib import Path

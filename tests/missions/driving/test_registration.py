@@ -91,7 +91,7 @@ def test_uncorrected_frame_counts_as_an_error() -> None:
 
 @pytest.mark.parametrize("std_m", [0.0, 0.15])
 def test_covariance_is_honest(std_m: float) -> None:
-    """Normalised squared errors are those of chi square with 3 degrees of freedom, or smaller, also with wrong maps."""
+    """Normalised squared errors follow chi square with 3 degrees of freedom, or smaller, also with wrong maps."""
     squares = normalised_squares(std_m, 1, 5)
     assert (squares < chi2.ppf(0.95, 3)).mean() >= 0.75
     assert squares.max() < 40.0

@@ -57,11 +57,11 @@ def write(path: Path, rows: list[list[float]]) -> Path:
 
 
 def log_of_table(table: Path, **options: Any) -> MissionLog:  # noqa: ANN401
-    """Return the log of a table; `options` are those of the survey."""
+    """Return the log of a table; `options` belong to the survey."""
     survey = SurveyOptions(**options)
     return locate_field_data(read_field_data(table, noise_v=survey.noise_v), survey)
 
 
 def locate(table: Path, *, noise_v: float | None = NOISE_V, **options: Any) -> Report:  # noqa: ANN401
-    """Return the report of a table; `options` are those of the survey."""
+    """Return the report of a table; `options` belong to the survey."""
     return make_report(log_of_table(table, noise_v=noise_v, **options), 0.0)

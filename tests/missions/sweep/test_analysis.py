@@ -133,7 +133,7 @@ def test_coverage_is_that_of_stated_covariances() -> None:
 
 
 def test_paired_interval_is_over_yards() -> None:
-    """Seeds of one yard that change together count once; each level has a comparison of its own."""
+    """Seeds of one yard that change together count once; each level has its own comparison."""
     rng = np.random.default_rng(4)
     change = rng.standard_normal(12)
     first, second = (

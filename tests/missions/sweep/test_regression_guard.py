@@ -1,4 +1,4 @@
-"""A small fixed sweep of the public suite is no worse than the stored one."""
+"""A small fixed sweep of the public suite is at least as good as the stored one."""
 
 import subprocess
 from pathlib import Path
