@@ -126,7 +126,8 @@ def significance(window: IntArray, std_rad: FloatArray, is_inlier: BoolArray) ->
     r"""Return the log likelihood ratio of a crossing against lines of sight in random directions.
 
     In each window, the share m of the lines of sight that cross there is compared with the share e of those that pass
-    any point in random directions. A window counts once: :math:`\sum m \ln(m / e) + (1 - m) \ln((1 - m) / (1 - e))` over m > e.
+    any point in random directions. A window counts once:
+    :math:`\sum m \ln(m / e) + (1 - m) \ln((1 - m) / (1 - e))` over m > e.
 
     Args:
         window: Number of the window of each line of sight, shape (n,).

@@ -202,7 +202,7 @@ class Registration:
 
     @property
     def disagreement(self) -> str:
-        """Describe a disagreement of the frames that matters in one sentence; empty without one, or if it is not yet known."""
+        """Describe a disagreement of the frames that matters in one sentence; empty if none is known."""
         frame, std = self.frame, np.sqrt(np.diag(self.frame.covariance))
         corners_m = np.array([(0, 0), (0, 1), (1, 0), (1, 1)]) * self._size_m
         if frame.displacement_at(corners_m).max() < DISAGREEMENT_M or std[2] > DISAGREEMENT_STD_RAD:
