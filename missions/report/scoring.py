@@ -122,9 +122,8 @@ def pair_findings(found_m: FloatArray, true_m: FloatArray) -> tuple[dict[int, in
 def _match(finding: FindingRecord, true_m: FloatArray, places: Mapping[str, float], site: str) -> SourceMatch:
     """Compare a finding with its source.
 
-    Log scores are minus the logarithm of the density that was stated at the true position, and of the probability
-    that was stated for the true site (Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation",
-    2007, section 4.1).
+    Log scores are minus the logarithm of the stated density at the true position, and of the stated probability of the
+    true site (Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", 2007, section 4.1).
     """
     offset_m, covariance_m2 = finding.position_m - true_m, np.array(finding.covariance_m2)
     d2_2d, d2_3d = (float(offset_m[:n] @ np.linalg.solve(covariance_m2[:n, :n], offset_m[:n])) for n in (2, 3))
