@@ -95,7 +95,6 @@ def test_policy_circles_finding_and_returns_to_route() -> None:
     assert np.abs(np.diff(np.unwrap(np.arctan2(away_m[:, 1], away_m[:, 0])))).sum() > np.pi
 
 
-@pytest.mark.xfail(reason="seek pursues candidates that are multipath of the confirmed source for minutes")
 def test_own_robot_is_home_sooner_than_the_inspector() -> None:
     scenario = load_scenario(EXAMPLES / "own_robot" / "yard.toml")
     inspector = scenario.model_copy(update={"robot": RobotConfig()})

@@ -29,7 +29,7 @@ def test_status_states_phase_and_current_findings(tmp_path: Path) -> None:
         add_finding(log, step, 4, "confirmed", (10.0, 15.0, 1.5))
     texts = {step: text for step, (text,) in recorded(log, tmp_path)["mission/status"]["text"].items()}
     assert "### Approaches candidate 3" in texts[4]
-    assert "| **candidate 3** | 18.0, 5.0 | 1.5 m | 2.19 m | 17° |" in texts[4]
+    assert "| **candidate 3** | 18.0, 5.0 | 1.5 m | 2.36 m | 17° |" in texts[4]
     assert "candidate 3" not in texts[19]
     assert "**finding 4**" in texts[19]
 
