@@ -76,6 +76,16 @@ def policies_table() -> str:
     return markdown(["found (%)", *POLICIES], lines)
 
 
+def test_table() -> str:
+    """Make a table of the scores of `seek` on the test part of the suite."""
+    headings = (
+        "found (%)", "within 0.3 m (%)", "median error (m)", "coverage 2-D 95 %", "coverage 3-D 95 %",
+        "time to confirm (s)", "false", "wrong live (%)", "certified", "false all-clear",
+    )  # fmt: skip
+    texts = [cells(summary) for summary in summarise_groups(rows_of("test"))]
+    return markdown(["level", *headings], [[each["scenario or level"], *(each[h] for h in headings)] for each in texts])
+
+
 def levels_table() -> str:
     """Make a table of the scores of `seek` on the public suite."""
     headings = (
@@ -120,6 +130,7 @@ def main() -> None:
         "worth": worth_table(),
         "policies": policies_table(),
         "levels": levels_table(),
+        "test": test_table(),
         "coverage": coverage_level_table(),
     }
     tables |= {name: settings_table(name) for name in QUESTIONS}
