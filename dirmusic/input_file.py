@@ -60,14 +60,19 @@ def read_whole(path: Path, max_bytes: int) -> bytes:
             raise InputFileError([f"{path}: cannot be read: {error.strerror}"]) from None
 
 
-def read_lines(path: Path, max_bytes: int) -> list[tuple[int, str]]:
+def read_lines(path: Path, max_bytes: int, errors: str = "strict") -> list[tuple[int, str]]:
     """Read the lines of a UTF-8 file that are neither empty nor comments, with their line numbers, from 1.
+
+    Args:
+        path: The file.
+        max_bytes: Largest size of the file.
+        errors: How bytes that are not UTF-8 are handled, as in `bytes.decode`.
 
     Raises:
         InputFileError: As `read_whole`, and if the file is not UTF-8 text.
     """
     try:
-        text = read_whole(path, max_bytes).decode("utf-8-sig")
+        text = read_whole(path, max_bytes).decode("utf-8-sig", errors)
     except UnicodeDecodeError as error:
         raise InputFileError([f"{path}: must be UTF-8 text, byte {error.start} is not"]) from None
     lines = enumerate(text.splitlines(), start=1)

@@ -206,19 +206,19 @@ LEAST_CONTRAST_RAD = np.radians(1.0)
 less than the spread of the elements. Rings have 5 degrees or more; two elements have hundredths of a degree."""
 
 
-def ambiguous_azimuths(manifold: GainManifold) -> tuple[float, float] | None:
-    """Find two azimuths, far apart, that an array cannot distinguish.
+def check_azimuths_differ(manifold: GainManifold) -> None:
+    """Check that an array distinguishes all azimuths that are far apart.
 
-    Returns:
-        Pair of azimuths in [0, 2 pi), array frame, at least `FAR_APART_RAD` apart, whose gains have the most similar
-        ratios; None if the angle between their gain vectors is at least `LEAST_CONTRAST_RAD`.
+    Raises:
+        ValueError: If the gains of two azimuths at least `FAR_APART_RAD` apart have so similar ratios that the angle
+            between their gain vectors is below `LEAST_CONTRAST_RAD`.
     """
     unit_gain = manifold.search_unit_gain
     similarity: FloatArray = unit_gain.T @ unit_gain
     apart_rad = np.abs(difference(SEARCH_AZIMUTHS_RAD[:, np.newaxis], SEARCH_AZIMUTHS_RAD))
     similarity[apart_rad < FAR_APART_RAD - 1e-9] = -1.0
-    first, second = divmod(int(similarity.argmax()), SEARCH_AZIMUTHS_RAD.size)
-    contrast_rad = 2 * np.arcsin(0.5 * np.linalg.norm(unit_gain[:, first] - unit_gain[:, second]))
-    if contrast_rad >= LEAST_CONTRAST_RAD:
-        return None
-    return float(SEARCH_AZIMUTHS_RAD[first]), float(SEARCH_AZIMUTHS_RAD[second])
+    alike = list(divmod(int(similarity.argmax()), SEARCH_AZIMUTHS_RAD.size))
+    contrast_rad = 2 * np.arcsin(0.5 * np.linalg.norm(np.diff(unit_gain[:, alike])))
+    if contrast_rad < LEAST_CONTRAST_RAD:
+        first, second = np.degrees(SEARCH_AZIMUTHS_RAD[alike])
+        raise ValueError(f"must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike")

@@ -1,6 +1,7 @@
 """Reading of pattern files: CSV tables, in the plane or over azimuth, elevation and frequency, and MSI Planet files."""
 
 import csv
+import warnings
 from itertools import takewhile
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 from dirmusic.array.pattern import TabulatedPattern
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.arrays import FloatArray
-from dirmusic.input_file import InputFileError, delimiter_of, read_lines
+from dirmusic.input_file import InputFileError, InputFileWarning, delimiter_of, read_lines
 
 Rows = list[tuple[int, list[str]]]
 """Line number in the file and cells of each row of a table."""
@@ -17,10 +18,10 @@ Rows = list[tuple[int, list[str]]]
 MAX_BYTES = 100_000_000
 """Largest size of a file. Assumed; the shipped patterns over all directions and frequencies have 0.14 MB."""
 
-MSI_SUFFIXES = (".msi", ".pln")
 AXES = ("frequency_ghz", "azimuth_deg", "elevation_deg")
 LIMITS = {
     "angle_deg": (-720.0, 720.0, "-720 to 720 degrees"),
+    "frequency_hz": (1e6, 1e12, "1e6 to 1e12 Hz"),
     "frequency_ghz": (1e-3, 1000.0, "0.001 to 1000 GHz"),
     "azimuth_deg": (-360.0, 360.0, "-360 to 360 degrees"),
     "elevation_deg": (-90.0, 90.0, "-90 to 90 degrees"),
@@ -31,48 +32,105 @@ LIMITS = {
 """Minimum and maximum of each column, and their wording in error messages. Real antennas stay well within the limits of
 the gain."""
 
+MOST_APART = 2.0
+"""Largest ratio of two gains measured in one direction, at the beginning and the end of a turn, which are averaged.
+Assumed: 6 dB are more than the drift of a measurement."""
+
 
 def read_pattern(path: str | Path) -> TabulatedPattern:
-    """Read the pattern of one element in the plane from a `.csv`, `.msi` or `.pln` file.
+    """Read the pattern of one element in the plane from a CSV table or an MSI Planet file, whatever its name.
 
-    A CSV file has the columns `angle_deg` (angle off boresight, counter-clockwise: azimuth - boresight) and `gain`
+    A CSV table has the columns `angle_deg` (angle off boresight, counter-clockwise: azimuth - boresight) and `gain`
     (amplitude ratio) or `gain_db`. Angles must increase and span at most one turn; a last row exactly one turn after
-    the first is dropped. The reference level of the gains is arbitrary, because a common factor does not change a
-    bearing. Columns are separated by commas, or by semicolons or tabs, in which case decimal commas are allowed. Lines
-    that begin with `#` are comments.
+    the first is averaged with it. The reference level of the gains is arbitrary, because a common factor does not
+    change a bearing. Columns are separated by commas, or by semicolons or tabs, in which case decimal commas are
+    allowed. Lines that begin with `#` are comments. With a column `frequency_hz`, the rows of each frequency are such a
+    table of the same angles, all with one reference level, and the rms of the gain over the band is used, which is the
+    pattern for a flat spectrum.
 
     From an MSI Planet file, the block `HORIZONTAL` is read: angles in degrees, clockwise from the boresight as on a
     compass, and attenuation relative to the peak in decibels, 0 or more.
+
+    Warns:
+        InputFileWarning: If gains of one direction differ and are averaged.
 
     Raises:
         InputFileError: If the file cannot be read, a cell or an angle is invalid, or a gap between angles is too wide;
             the message gives file and line.
     """
     path = Path(path)
-    is_msi = path.suffix.lower() in MSI_SUFFIXES
-    if is_msi:
-        names, rows = ["angle_deg", "attenuation_db"], _read_msi(path)
-    elif path.suffix.lower() == ".csv":
-        names, rows = _read_csv(path)
+    msi = _msi_rows(path)
+    names, rows = (["angle_deg", "attenuation_db"], msi) if msi else _read_csv(path)
+    names = ["angle_deg" if name == "azimuth_deg" else name for name in names]
+    if frequency := next((name for name in names if name.startswith("frequency")), None):
+        angle_deg, gain = _over_band(path, names, rows, frequency)
     else:
-        raise InputFileError([f"{path}: name must end in .csv, {' or '.join(MSI_SUFFIXES)}"])
-    (angle_deg,), gain = _numbers(path, names, rows, ("angle_deg",))
-    falls = np.flatnonzero(np.diff(angle_deg) <= 0.0)
-    if falls.size:
-        k = int(falls[0])
-        before, after = angle_deg[k : k + 2]
-        raise InputFileError(
-            [f"{path}: line {rows[k + 1][0]}: angle_deg: must increase, {before:g} is followed by {after:g}"]
-        )
+        (angle_deg,), gain = _numbers(path, names, rows, ("angle_deg",))
+        falls = np.flatnonzero(np.diff(angle_deg) <= 0.0)
+        if falls.size:
+            k = int(falls[0])
+            before, after = angle_deg[k : k + 2]
+            raise InputFileError(
+                [f"{path}: line {rows[k + 1][0]}: angle_deg: must increase, {before:g} is followed by {after:g}"]
+            )
+    return _tabulated(path, -angle_deg[::-1] if msi else angle_deg, gain[::-1] if msi else gain)
+
+
+def _tabulated(path: Path, angle_deg: FloatArray, gain: FloatArray) -> TabulatedPattern:
+    """Make a pattern of increasing angles; a last row exactly one turn after the first is averaged with it, in dB."""
     if angle_deg[-1] - angle_deg[0] == 360.0:
-        angle_deg, gain = angle_deg[:-1], gain[:-1]
-    angle_rad = np.radians(angle_deg)
-    if is_msi:
-        angle_rad, gain = -angle_rad[::-1], gain[::-1]
+        first, last = gain[[0, -1]]
+        rows_differ = f"{angle_deg[0]:g} and {angle_deg[-1]:g} degrees differ by {abs(20 * np.log10(last / first)):.2g}"
+        if not 1.0 / MOST_APART <= last / first <= MOST_APART:
+            most_db = 20 * np.log10(MOST_APART)
+            raise InputFileError(
+                [f"{path}: one direction must have one gain, up to {most_db:.0f} dB: {rows_differ} dB"]
+            )
+        if last != first:
+            warnings.warn(InputFileWarning(f"{path}: {rows_differ} dB: averaged"), stacklevel=3)
+        angle_deg, gain = angle_deg[:-1], np.append(np.sqrt(first * last) if last != first else first, gain[1:-1])
     try:
-        return TabulatedPattern(angle_rad, gain)
+        return TabulatedPattern(np.radians(angle_deg), gain)
     except ValueError as error:
         raise InputFileError([f"{path}: {error}"]) from None
+
+
+def _over_band(path: Path, names: list[str], rows: Rows, frequency: str) -> tuple[FloatArray, FloatArray]:
+    """Return the angles of a table over frequency and angle, and the rms of the gain over frequency.
+
+    Between frequencies, the square of the gain is interpolated linearly.
+    """
+    axes = frequency, "angle_deg"
+    (known, angle_deg), table = _grid(path, axes, *_numbers(path, names, rows, axes))
+    if known.size == 1:
+        return angle_deg, table[0]
+    return angle_deg, np.sqrt(np.trapezoid(np.square(table), known, axis=0) / np.ptp(known))
+
+
+def _grid(
+    path: Path, names: tuple[str, ...], axes: FloatArray, gain: FloatArray
+) -> tuple[list[FloatArray], FloatArray]:
+    """Arrange the rows of a table, in any order, on a grid; every combination must be present once.
+
+    Args:
+        path: The file.
+        names: Names of the axes.
+        axes: Values of the axes in each row, shape (n_axes, n_rows).
+        gain: Gains, shape (n_rows,).
+
+    Returns:
+        Increasing values of each axis, and the gains, with one dimension for each axis.
+    """
+    values, places = zip(*(np.unique(axis, return_inverse=True) for axis in axes), strict=True)
+    table, count = np.empty([axis.size for axis in values]), np.zeros([axis.size for axis in values])
+    table[places] = gain
+    np.add.at(count, places, 1)
+    wrong = np.argwhere(count != 1)
+    if wrong.size:
+        at = ", ".join(f"{name} {axis[k]:g}" for name, axis, k in zip(names, values, wrong[0], strict=True))
+        how = "missing" if count[tuple(wrong[0])] == 0 else "repeated"
+        raise InputFileError([f"{path}: must have one row for each combination of {', '.join(names)}: {at} is {how}"])
+    return list(values), table
 
 
 def read_spatial_pattern(path: str | Path) -> SpatialPattern:
@@ -91,20 +149,7 @@ def read_spatial_pattern(path: str | Path) -> SpatialPattern:
     if np.ptp(axes[1]) == 360.0:
         within = axes[1] < axes[1].max()
         axes, gain = axes[:, within], gain[within]
-    values, places = zip(*(np.unique(axis, return_inverse=True) for axis in axes), strict=True)
-    table, count = np.empty([axis.size for axis in values]), np.zeros([axis.size for axis in values])
-    table[places] = gain
-    np.add.at(count, places, 1)
-    wrong = np.argwhere(count != 1)
-    if wrong.size:
-        f, a, e = (axis[k] for axis, k in zip(values, wrong[0], strict=True))
-        how = "missing" if count[tuple(wrong[0])] == 0 else "repeated"
-        raise InputFileError(
-            [
-                f"{path}: must have one row for each combination of {', '.join(AXES)}: {f:g} GHz, azimuth {a:g}, "
-                f"elevation {e:g} degrees is {how}"
-            ]
-        )
+    values, table = _grid(path, AXES, axes, gain)
     try:
         return SpatialPattern(1e9 * values[0], np.radians(values[1]), np.radians(values[2]), table)
     except ValueError as error:
@@ -112,13 +157,13 @@ def read_spatial_pattern(path: str | Path) -> SpatialPattern:
 
 
 def read_any_pattern(path: str | Path) -> TabulatedPattern | SpatialPattern:
-    """Read a pattern over azimuth, elevation and frequency if the file has these columns, else a pattern in the plane.
+    """Read a pattern over all directions if the file has a column `elevation_deg`, else a pattern in the plane.
 
     Raises:
         InputFileError: See `read_pattern` and `read_spatial_pattern`.
     """
     path = Path(path)
-    if path.suffix.lower() == ".csv" and not set(AXES).isdisjoint(_read_csv(path)[0]):
+    if not _msi_rows(path) and "elevation_deg" in _read_csv(path)[0]:
         return read_spatial_pattern(path)
     return read_pattern(path)
 
@@ -137,15 +182,20 @@ def _read_csv(path: Path) -> tuple[list[str], Rows]:
     return [name.strip() for name in names], [(line, row) for (line, _), row in zip(lines[1:], cells, strict=False)]
 
 
-def _read_msi(path: Path) -> Rows:
-    """Return the rows of the block HORIZONTAL of an MSI Planet file: angle and attenuation."""
-    lines = [(number, line.split()) for number, line in read_lines(path, MAX_BYTES)]
+def _msi_rows(path: Path) -> Rows:
+    """Return the rows of the block HORIZONTAL of an MSI Planet file: angle and attenuation; none for other files.
+
+    The header may have any encoding.
+    """
+    lines = [(number, line.split()) for number, line in read_lines(path, MAX_BYTES, "replace")]
     heads = [k for k, (_, words) in enumerate(lines) if words[0].upper() == "HORIZONTAL"]
-    if len(heads) != 1:
+    if not heads:
+        return []
+    if len(heads) > 1:
         raise InputFileError([f"{path}: must have one line that begins with HORIZONTAL, has {len(heads)}"])
     number, head = lines[heads[0]]
     rows = list(takewhile(lambda line: not line[1][0][0].isalpha(), lines[heads[0] + 1 :]))
-    if not rows or head[1:] != [str(len(rows))]:
+    if not rows or head[1:2] != [str(len(rows))]:  # some programs write a second number after the count
         raise InputFileError(
             [f"{path}: line {number}: must be HORIZONTAL and the number of rows, {len(rows)}, got {' '.join(head):.60}"]
         )
@@ -162,7 +212,10 @@ def _numbers(path: Path, names: list[str], rows: Rows, axes: tuple[str, ...]) ->
     kind = next((name for name in names if name in {"gain", "gain_db", "attenuation_db"}), "gain")
     if sorted(names) != sorted([*axes, kind]):
         raise InputFileError(
-            [f"{path}: columns must be {', '.join(axes)} and either gain or gain_db, got {', '.join(names):.200}"]
+            [
+                f"{path}: must be an MSI Planet file with a line HORIZONTAL, or a CSV table whose columns are "
+                f"{', '.join(axes)} and either gain or gain_db, got {', '.join(names):.200}"
+            ]
         )
     values = np.empty((len(names), len(rows)))
     for row, (line, cells) in enumerate(rows):

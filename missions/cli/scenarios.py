@@ -5,11 +5,13 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
+from dirmusic.array.beam import describe_beam
 from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import SHIPPED, load_scenario, shipped_scenarios
 from pdpatrol.envs.scenario.suite import load_suite
 from pdpatrol.missions.cli.arguments import JsonOutput
 from pdpatrol.missions.cli.terminal import note, out
+from pdpatrol.sensing import HelicalArray
 
 
 def scenarios(
@@ -27,6 +29,8 @@ def scenarios(
     if check is not None:
         scenario = load_scenario(check)
         note(*plausibility(scenario))
+        if scenario.array.pattern is not None:
+            note(f"array.pattern: {describe_beam(HelicalArray.nominal(scenario.array).cut())}")
         n_sources, n_sites = len(scenario.sources), len(scenario.yard.site_names())
         if json_output:
             out.print_json(data={"scenario": scenario.name, "sources": n_sources, "candidate_sites": n_sites})

@@ -19,8 +19,9 @@ from dirmusic import (
     PoseError,
     read_pattern,
 )
+from dirmusic.array.beam import describe_beam
 from dirmusic.array.element_errors import UNEXPLAINED
-from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.manifold import check_azimuths_differ, ring_boresights_rad
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
@@ -39,7 +40,8 @@ def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
     """Return the model of the live channels of the array that took the data.
 
     Raises:
-        InputFileError: If the numbers of boresights and channels differ, or the pattern cannot be used.
+        InputFileError: If the numbers of boresights and channels differ, the pattern cannot be used, or the array
+            cannot distinguish two directions.
     """
     n = data.n_recorded
     if survey.boresights_deg is None:
@@ -51,6 +53,7 @@ def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
     pattern = GaussianPattern() if survey.pattern is None else read_pattern(survey.pattern)
     try:
         manifold = GainManifold(pattern, boresights).take(data.channels)
+        check_azimuths_differ(manifold)
     except ValueError as error:
         raise InputFileError([f"--pattern, --boresights-deg: {error}"]) from None
     forward, left = np.cos(manifold.boresights_rad), np.sin(manifold.boresights_rad)
@@ -95,6 +98,8 @@ def locate_field_data(
         pulses, suspects = ChannelMonitor(array, maximum_likelihood).watch(data.pulses)
         for note in data.notes:
             log.event("note", note)
+        if survey.pattern is not None:
+            log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
         for suspect in suspects:  # numbered as in the files, including the dead channels
             recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
             log.event("channel fault", f"{recorded}: left out")

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError
-from dirmusic.array.manifold import ambiguous_azimuths, ring_boresights_rad
+from dirmusic.array.manifold import check_azimuths_differ, ring_boresights_rad
 from dirmusic.array.pattern import gain_in_space
 from dirmusic.array.pattern_file import read_any_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
@@ -103,14 +103,9 @@ class ArrayConfig(Config):
         if same := np.argwhere(np.triu(apart_m < 1e-3, 1)).tolist():
             raise ValueError(f"elements.{same[0][1]}.position_m: must differ from that of elements.{same[0][0]}")
         try:
-            manifold = array.manifold()
+            check_azimuths_differ(array.manifold())
         except ValueError as error:
             raise ValueError(f"{key}: {error}") from error
-        if alike := ambiguous_azimuths(manifold):
-            first, second = np.degrees(alike)
-            raise ValueError(
-                f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
-            )
         return self
 
 

@@ -5,8 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dirmusic import GainManifold, GaussianPattern, InputFileError, estimate_bearings, read_pattern
+from dirmusic import (
+    GainManifold,
+    GaussianPattern,
+    InputFileError,
+    InputFileWarning,
+    TabulatedPattern,
+    estimate_bearings,
+    read_pattern,
+)
 from dirmusic.angles import difference
+from dirmusic.array.beam import Beam, describe_beam
 from tests.dirmusic.scenes import RING
 
 OFF = np.radians(np.linspace(-180.0, 180.0, 1441))
@@ -70,6 +79,63 @@ def test_variants_of_csv_are_read_alike(tmp_path: Path, data: bytes) -> None:
     np.testing.assert_allclose(read_pattern(tmp_path / "variant.csv")(OFF), plain(OFF), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("a.msi", b"HORIZONTAL 360", b"HORIZONTAL 360 0"),
+        ("a.txt", b"NAME x", b"NAME x\nFREQUENCY 0.3\x961 GHz, tilt 0\xb0"),
+        ("a.ant", b" ", b"\t"),
+        ("a.ptn", b"\n", b"\r\n \t"),
+        ("a.pla", b"HORIZONTAL", b"Horizontal"),
+    ],
+)
+def test_dialects_of_msi_are_read_alike(tmp_path: Path, name: str, old: bytes, new: bytes) -> None:
+    """A second number after the count, a header in another encoding, tabs, blanks and any name change nothing."""
+    (tmp_path / "plain.msi").write_text(as_msi(table(1.0)))
+    changed = (tmp_path / "plain.msi").read_bytes().replace(old, new)
+    (tmp_path / name).write_bytes(changed)
+    assert new in changed
+    plain = read_pattern(tmp_path / "plain.msi")
+    np.testing.assert_array_equal(read_pattern(tmp_path / name)(OFF), plain(OFF))
+
+
+def test_closing_row_measured_apart_is_averaged_with_a_note(tmp_path: Path) -> None:
+    """Rows at -180 and 180 degrees that differ by 1.2 dB are replaced by the value midway between them."""
+    first = table()[0][1]
+    path = write(tmp_path / "p.csv", [*table(), (180.0, first * 10 ** (-1.2 / 20))])
+    with pytest.warns(InputFileWarning, match="p.csv: -180 and 180 degrees differ by 1.2 dB: averaged"):
+        pattern = read_pattern(path)
+    assert 20 * np.log10(pattern(np.pi) / first) == pytest.approx(-0.6, abs=1e-6)
+    assert pattern(0.0) == pytest.approx(float(GaussianPattern()(0.0)), abs=1e-6)
+
+
+@pytest.mark.parametrize("names", ["frequency_hz,angle_deg", "frequency_ghz,azimuth_deg"])
+def test_cuts_over_frequency_give_the_rms_over_the_band(tmp_path: Path, names: str) -> None:
+    """Gains of 1, 2 and 2 at 1, 2 and 4 GHz have the mean square ((1 + 4) / 2 + 2 * 4) / 3, whatever their order."""
+    unit = 1e9 if "hz" in names.split(",")[0].split("_") else 1.0
+    rows = [f"{f * unit:g},{a:g},{g * k:.10f}" for f, k in ((4, 2), (1, 1), (2, 2)) for a, g in table()]
+    (tmp_path / "p.csv").write_text("\n".join([f"{names},gain", *rows]))
+    plain = read_pattern(write(tmp_path / "plain.csv", table()))
+    np.testing.assert_allclose(read_pattern(tmp_path / "p.csv")(OFF), np.sqrt(3.5) * plain(OFF), rtol=1e-6)
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 30.0, -75.0, 179.0])
+def test_main_beam_is_measured_and_a_turned_one_is_named(turned_deg: float) -> None:
+    """A Gaussian beam with half the power 25 degrees off its axis, and 20 dB less behind."""
+    angle = np.radians(np.arange(-180.0, 180.0))
+    off_deg = np.degrees(difference(angle, np.radians(turned_deg)))
+    pattern = TabulatedPattern(angle, 10 ** (-np.minimum(3.0103 * np.square(off_deg / 25.0), 20.0) / 20))
+    beam = Beam.of(pattern)
+    assert np.degrees(difference(beam.strongest_rad, np.radians(turned_deg))) == pytest.approx(0.0, abs=0.06)
+    assert np.degrees(difference(beam.middle_rad, np.radians(turned_deg))) == pytest.approx(0.0, abs=0.11)
+    assert np.degrees(beam.width_rad) == pytest.approx(50.0, abs=0.2)
+    assert 20 * np.log10(beam.front_to_back) == pytest.approx(20.0, abs=0.01)
+    text = describe_beam(pattern)
+    assert text.startswith(
+        f"strongest at {turned_deg:.0f} degrees{', not at 0' if turned_deg else ''}; beam 50 degrees"
+    )
+
+
 def rows_with(at: int, row: tuple[float, float]) -> list[tuple[float, float]]:
     return [*table()[:at], row, *table()[at + 1 :]]
 
@@ -93,15 +159,19 @@ def test_invalid_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[
     ("name", "data", "message"),
     [
         ("a.csv", b"", "must have a header"),
-        ("a.csv", b"angle,gain\n0,1\n", "columns must be angle_deg and either gain or gain_db, got angle, gain"),
+        ("a.csv", b"angle,gain\n0,1\n", "whose columns are angle_deg and either gain or gain_db, got angle, gain"),
         ("a.csv", b"angle_deg,angle_deg\n0,1\n", "got angle_deg, angle_deg"),
         ("a.csv", b"angle_deg,gain\n0,1\n10\n20,1,3\n", "line 3: must have 2 cells, has 1"),
         ("a.csv", b"angle_deg;gain\n0;1.000,5\n", "line 2: gain: must be an amplitude ratio"),
         ("a.csv", b"\xff\xfea\x00n\x00", "must be UTF-8 text"),
         ("a.csv", b"angle_deg,gain\n0,1e999\n", "1e999"),
-        ("a.txt", b"angle_deg,gain\n0,1\n", "name must end in .csv"),
+        ("a.txt", b"three lines\nof\ntext\n", "must be an MSI Planet file with a line HORIZONTAL, or a CSV table"),
+        ("a.csv", b"angle_deg,gain\n0,1\n90,1\n180,1\n270,1\n360,3\n", "0 and 360 degrees differ by 9.5 dB"),
+        ("a.csv", b"frequency_hz,angle_deg,gain\n1e9,0,1\n1e9,9,1\n2e9,0,1\n", "2e\\+09, angle_deg 9 is missing"),
+        ("a.csv", b"frequency_hz,angle_deg,gain\n1,0,1\n", "line 2: frequency_hz: must be 1e6 to 1e12 Hz, got '1'"),
         ("none.csv", None, "cannot be read"),
-        ("a.msi", b"NAME x\n", "must have one line that begins with HORIZONTAL, has 0"),
+        ("a.msi", b"NAME x\nGAIN 9 dBi\n", "must be an MSI Planet file with a line HORIZONTAL"),
+        ("a.msi", b"HORIZONTAL 1\n0 0\nHORIZONTAL 1\n0 0\n", "must have one line .* HORIZONTAL, has 2"),
         ("a.msi", b"NAME x\nHORIZONTAL 5\n0 1\n1 1\nVERTICAL 1\n", "line 2: must be .* number of rows, 2"),
         ("a.msi", b"HORIZONTAL 0\n", "number of rows, 0"),
         ("a.msi", b"HORIZONTAL 2\n0 1\n90 -1\n", "line 3: attenuation_db: must be 0 to 200 dB"),

@@ -144,8 +144,8 @@ def test_table_rows_may_come_in_any_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda rows: rows[1:], "1.5 GHz, azimuth -180, elevation -90 degrees is missing"),
-        (lambda rows: [*rows, rows[5]], "elevation 60 degrees is repeated"),
+        (lambda rows: rows[1:], "frequency_ghz 1.5, azimuth_deg -180, elevation_deg -90 is missing"),
+        (lambda rows: [*rows, rows[5]], "elevation_deg 60 is repeated"),
         (lambda rows: [rows[0].replace("1.5,", "x,", 1), *rows[1:]], "line 2: frequency_ghz: must be .*, got 'x'"),
         (lambda rows: [*rows[:-1], rows[-1].rsplit(",", 1)[0] + ",-0.2"], "line 169: gain: must be an .*, got '-0.2'"),
         (lambda rows: [row for row in rows if row.split(",")[1] not in ("0", "30")], "has a gap of 90.0 degrees"),

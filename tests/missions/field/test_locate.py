@@ -159,6 +159,15 @@ def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
     assert steps[-1] == len(hours) - 1
 
 
+def test_turned_pattern_is_noted(tmp_path: Path) -> None:
+    """The beam of a pattern whose zero is not the boresight is described in a note."""
+    rows = [f"{a},{float(GaussianPattern()(np.radians(a - 30))):.6f}" for a in range(-180, 181)]
+    (tmp_path / "turned.csv").write_text("\n".join(["angle_deg,gain", *rows]))
+    notes = locate(EXAMPLE, noise_v=None, pattern=tmp_path / "turned.csv").notes
+    expected = "pattern turned.csv: strongest at 30 degrees, not at 0; beam 101 degrees wide at -3 dB; front-to-back"
+    assert any(note.startswith(expected) for note in notes)
+
+
 def test_measured_pattern_is_used(tmp_path: Path) -> None:
     """The position is that of the default pattern with a table of it, and another one with the mirrored table."""
     usual, positions_m = locate(EXAMPLE, noise_v=None).findings[0].position_m, list[FloatArray]()
@@ -178,6 +187,10 @@ def test_measured_pattern_is_used(tmp_path: Path) -> None:
         ("none.csv", "none.csv: cannot be read"),
         ("t.csv --noise-v 1 --pattern t.csv", "t.csv"),
         ("t.csv --noise-v 1 --pattern ../flat.csv", "--pattern, --boresights-deg: `pattern` must not be flat"),
+        (
+            "t.csv --noise-v 1 --pattern ../sectors.csv",
+            "--pattern, --boresights-deg: must distinguish all azimuths, but receives ",
+        ),
         ("t.csv --noise-v 1 --boresights-deg 0", "--boresights-deg must have one number per channel, 3, got 1"),
         ("t.csv --noise-v 1 --out .", "--out: . must be a new or empty folder"),
         ("t.csv", "or --noise-v"),
@@ -186,6 +199,8 @@ def test_measured_pattern_is_used(tmp_path: Path) -> None:
 def test_refusal_is_one_line_and_leaves_nothing(tmp_path: Path, arguments: str, message: str, refused: Refused) -> None:
     flat = "\n".join(["angle_deg,gain", *(f"{a},1" for a in range(0, 360, 10))])
     (tmp_path.parent / "flat.csv").write_text(flat)
+    sectors = "\n".join(["angle_deg,gain", *(f"{a},{1 if abs(a) <= 45 else 0.1}" for a in range(-180, 180, 5))])
+    (tmp_path.parent / "sectors.csv").write_text(sectors)
     (tmp_path / "t.csv").write_text("time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3\n0,0,0,0,1,2,3\n")
     (line,) = refused("locate", *arguments.split(), cwd=tmp_path)
     assert message in line
