@@ -49,9 +49,12 @@ class Beam(NamedTuple):
 def describe_beam(pattern: GainPattern) -> str:
     """Describe the main beam of a pattern in one line; it says so if the beam does not point along the boresight."""
     beam = Beam.of(pattern)
+    in_elevation = ""
+    if pattern.vertical is not None:
+        in_elevation = f" and {np.degrees(Beam.of(pattern.vertical).width_rad):.0f} degrees high"
     is_turned = min(abs(beam.strongest_rad), abs(beam.middle_rad)) > TURNED_RAD
     return (
         f"strongest at {np.degrees(beam.strongest_rad):.0f} degrees{', not at 0' if is_turned else ''}; beam "
-        f"{np.degrees(beam.width_rad):.0f} degrees wide at -3 dB; front-to-back ratio "
+        f"{np.degrees(beam.width_rad):.0f} degrees wide{in_elevation} at -3 dB; front-to-back ratio "
         f"{20 * np.log10(beam.front_to_back):.1f} dB"
     )

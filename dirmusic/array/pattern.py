@@ -1,5 +1,7 @@
 """Gain of one directional element as a function of the angle off its boresight, in the plane and in space."""
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple, Protocol
 
@@ -26,6 +28,11 @@ def cubic(share: float, start: float, end: float, start_slope: float, end_slope:
 
 class GainPattern(Protocol):
     """Amplitude gain of one element in the plane of the array. Subclasses implement `gain_and_slope`."""
+
+    @property
+    def vertical(self) -> GainPattern | None:
+        """Gain in the vertical plane through the boresight, over the elevation; None if the pattern is round."""
+        return None
 
     def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
         """Compute the gain, unitless and positive, for `off_boresight = azimuth - boresight` of any shape."""
@@ -75,13 +82,15 @@ class TabulatedPattern(GainPattern):
         off_boresight_rad: Strictly increasing angles that span less than one turn, shape (n,), n >= 4. No gap,
             including the one between the last and the first angle, may be wider than 30 degrees or four median steps.
         gain: Amplitude gain at those angles, shape (n,), positive.
+        vertical: Gain in the vertical plane through the boresight, over the elevation, positive upwards; of any
+            reference level. Default: the pattern is the same in all planes through the boresight.
 
     Raises:
         ValueError: If shapes disagree, if the angles do not increase within one turn or leave a gap, or if a gain is
             not positive and finite.
     """
 
-    def __init__(self, off_boresight_rad: ArrayLike, gain: ArrayLike) -> None:
+    def __init__(self, off_boresight_rad: ArrayLike, gain: ArrayLike, vertical: TabulatedPattern | None = None) -> None:
         angle = np.array(off_boresight_rad, dtype=np.float64)
         value = np.array(gain, dtype=np.float64)
         if angle.ndim != 1 or angle.shape != value.shape or angle.size < 4:
@@ -102,7 +111,12 @@ class TabulatedPattern(GainPattern):
                 f"of {np.degrees(steps[widest]):.1f} degrees after {np.degrees(angle[widest]):.1f} degrees"
             )
         self._spline = scipy.interpolate.CubicSpline(closed_angle, np.append(value, value[0]), bc_type="periodic")
-        self.off_boresight_rad, self.table_gain = angle, value
+        self.off_boresight_rad, self.table_gain, self._vertical = angle, value, vertical
+
+    @property
+    def vertical(self) -> TabulatedPattern | None:
+        """Gain in the vertical plane through the boresight; see `GainPattern`."""
+        return self._vertical
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Compute the gain and its slope per radian; see `GainPattern`."""
@@ -138,6 +152,10 @@ def gain_in_space(
     At zero elevation the gain of a level element is the pattern itself. The pattern is measured in one plane. Assumed:
     a helix has nearly the same pattern in all planes through its axis; see `element_errors.OFF_PLANE`.
 
+    If the pattern has another vertical cut v, attenuations are added: with azimuth :math:`\alpha` and elevation
+    :math:`\epsilon` in the frame of the boresight, :math:`g = g(\alpha) \, v(\epsilon) / v(0)` (3GPP TR 38.901, table
+    7.3-1, without its limit of the sum). Both cuts are reproduced; the vertical cut behind the element is not used.
+
     Args:
         pattern: Pattern in the plane.
         off_boresight_rad: Azimuth of the direction minus that of the boresight.
@@ -152,6 +170,14 @@ def gain_in_space(
     cos_off, sin_off, cos_up, sin_up = np.cos(off), np.sin(off), np.cos(elevation), np.sin(elevation)
     level, left = cos_up * cos_off, cos_up * sin_off  # components in the frame of the boresight's azimuth
     cos_tilt, sin_tilt = np.cos(tilt), np.sin(tilt)
+    if pattern.vertical is not None:
+        by_azimuth = -left, cos_up * cos_off, np.zeros_like(left)
+        by_elevation = -sin_up * cos_off, -sin_up * sin_off, cos_up
+        towards = [
+            np.stack(np.broadcast_arrays(cos_tilt * x + sin_tilt * z, y, cos_tilt * z - sin_tilt * x))
+            for x, y, z in ((level, left, sin_up), by_azimuth, by_elevation)
+        ]
+        return _gain_of_cuts(pattern, pattern.vertical, *towards)
     ahead, up = cos_tilt * level + sin_tilt * sin_up, cos_tilt * sin_up - sin_tilt * level  # in that of the boresight
     sin_psi = np.sqrt(np.maximum(1.0 - np.square(ahead), 0.0))
     psi = np.arctan2(np.hypot(left, up), ahead)
@@ -170,6 +196,29 @@ def gain_in_space(
     return SpatialGain(gain, by_azimuth, by_psi * psi_by_elevation + by_roll * roll_by_elevation)
 
 
+def _gain_of_cuts(
+    pattern: GainPattern, vertical: GainPattern, towards: FloatArray, by_azimuth: FloatArray, by_elevation: FloatArray
+) -> SpatialGain:
+    """Compute the gain of a pattern with two cuts along unit vectors, and its slopes; see `gain_in_space`.
+
+    Args:
+        pattern: Pattern in the plane.
+        vertical: Pattern in the vertical plane.
+        towards: Components ahead, to the left and up in the frame of the boresight, shape (3, ...).
+        by_azimuth: Their derivatives by the azimuth.
+        by_elevation: Their derivatives by the elevation.
+    """
+    ahead, left, up = towards
+    level = np.maximum(np.hypot(ahead, left), NEAR_AXIS)
+    in_plane, slope = pattern.gain_and_slope(np.arctan2(left, ahead))
+    factor, factor_slope = (x / vertical(0.0) for x in vertical.gain_and_slope(np.arctan2(up, level)))
+    slopes = (
+        slope * factor * (ahead * by[1] - left * by[0]) / level**2 + in_plane * factor_slope * by[2] / level
+        for by in (by_azimuth, by_elevation)
+    )
+    return SpatialGain(in_plane * factor, *slopes)
+
+
 TABLE_SIZE = 3600
 """Number of steps of a table, 0.1 degrees each; cubic interpolation is accurate to 1e-10 for a smooth pattern."""
 
@@ -182,27 +231,40 @@ class PatternTable(NamedTuple):
     Attributes:
         gain: Gains, shape (TABLE_SIZE,).
         slope: Slopes of the gain per step, shape (TABLE_SIZE,).
+        vertical: Factor of the gain over the elevation, relative to that at 0, and its slope per step, shape (2,
+            TABLE_SIZE); (2, 0) for a pattern that is the same in all planes through the boresight.
     """
 
     gain: FloatArray
     slope: FloatArray
+    vertical: FloatArray
 
 
 def tabulate(pattern: GainPattern) -> PatternTable:
     """Tabulate a pattern for compiled kernels."""
-    gain, slope = pattern.gain_and_slope(STEP_RAD * np.arange(TABLE_SIZE))
-    return PatternTable(np.ascontiguousarray(gain), STEP_RAD * slope)
+    angle_rad, vertical = STEP_RAD * np.arange(TABLE_SIZE), np.empty((2, 0))
+    gain, slope = pattern.gain_and_slope(angle_rad)
+    if pattern.vertical is not None:
+        factor, factor_slope = (x / pattern.vertical(0.0) for x in pattern.vertical.gain_and_slope(angle_rad))
+        vertical = np.stack([factor, STEP_RAD * factor_slope])
+    return PatternTable(np.ascontiguousarray(gain), STEP_RAD * slope, vertical)
+
+
+@compiled_inner
+def interpolate(gain: FloatArray, slope: FloatArray, angle_rad: float) -> tuple[float, float]:
+    """Interpolate a table of gains and their slopes per step; the result has the slope per radian."""
+    at = angle_rad / STEP_RAD
+    low = np.floor(at)
+    i = int(low) % TABLE_SIZE
+    j = (i + 1) % TABLE_SIZE
+    value, rise = cubic(at - low, gain[i], gain[j], slope[i], slope[j])
+    return value, rise / STEP_RAD
 
 
 @compiled_inner
 def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> tuple[float, float]:
     """Interpolate the gain in the plane and its slope per radian."""
-    at = off_boresight_rad / STEP_RAD
-    low = np.floor(at)
-    i = int(low) % TABLE_SIZE
-    j = (i + 1) % TABLE_SIZE
-    gain, slope = cubic(at - low, pattern.gain[i], pattern.gain[j], pattern.slope[i], pattern.slope[j])
-    return gain, slope / STEP_RAD
+    return interpolate(pattern.gain, pattern.slope, off_boresight_rad)
 
 
 class Boresight(NamedTuple):
@@ -233,6 +295,10 @@ def frame_of_boresight(boresight: Boresight, x: float, y: float, z: float) -> tu
 def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
     """Compute the gain of an element along the vector (x, y, z), z up, of any length; see `gain_in_space`."""
     _, left, ahead, up = frame_of_boresight(boresight, x, y, z)
+    if pattern.vertical.size > 0:
+        in_plane, _ = pattern_gain_and_slope(pattern, math.atan2(left, ahead))
+        factor, _ = interpolate(pattern.vertical[0], pattern.vertical[1], math.atan2(up, math.hypot(left, ahead)))
+        return in_plane * factor
     across = math.sqrt(left * left + up * up)
     psi = math.atan2(across, ahead)
     half_roll = 0.5 * left / max(across, NEAR_AXIS)
@@ -243,6 +309,37 @@ def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float
 
 WARP_1, WARP_2 = 1.654, -0.4135
 """Coefficients of the warp of a beam that is wider than tabulated; see `gain_and_slopes_towards`."""
+
+
+@compiled_inner
+def warp_and_slope(angle_rad: float) -> tuple[float, float]:
+    """Compute the warp f of an angle, see `gain_and_slopes_towards`, and its slope."""
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    return sin * (WARP_1 + 2.0 * WARP_2 * cos), WARP_1 * cos + 2.0 * WARP_2 * (2.0 * cos * cos - 1.0)
+
+
+@compiled_inner
+def gain_and_slopes_of_cuts(
+    pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float, widening: float
+) -> tuple[float, float, float, float]:
+    """Compute the same as `gain_and_slopes_towards` for a pattern with two cuts; azimuth and elevation are warped."""
+    _, left, ahead, up = frame_of_boresight(boresight, x, y, z)
+    level, sideways = max(math.hypot(left, ahead), NEAR_AXIS), max(math.hypot(x, y), NEAR_AXIS)
+    azimuth, elevation = math.atan2(left, ahead), math.atan2(up, level)
+    (warp, warp_slope), (warp_up, warp_up_slope) = warp_and_slope(azimuth), warp_and_slope(elevation)
+    in_plane, slope = pattern_gain_and_slope(pattern, azimuth - widening * warp)
+    factor, factor_slope = interpolate(pattern.vertical[0], pattern.vertical[1], elevation - widening * warp_up)
+    slope, factor_slope = slope * factor, factor_slope * in_plane
+    by_azimuth = slope * (1.0 - widening * warp_slope) / (level * level)
+    by_elevation = factor_slope * (1.0 - widening * warp_up_slope) / level
+    _, turn_left, turn_ahead, turn_up = frame_of_boresight(boresight, -y, x, 0.0)
+    _, rise_left, rise_ahead, rise_up = frame_of_boresight(boresight, -z * x / sideways, -z * y / sideways, sideways)
+    return (
+        in_plane * factor,
+        by_azimuth * (ahead * turn_left - left * turn_ahead) + by_elevation * turn_up,
+        by_azimuth * (ahead * rise_left - left * rise_ahead) + by_elevation * rise_up,
+        -slope * warp - factor_slope * warp_up,
+    )
 
 
 @compiled
@@ -267,6 +364,8 @@ def gain_and_slopes_towards(
     Returns:
         The gain, and its slopes per radian of azimuth, per radian of elevation, and per unit of widening.
     """
+    if pattern.vertical.size > 0:
+        return gain_and_slopes_of_cuts(pattern, boresight, x, y, z, widening)
     sideways = max(math.hypot(x, y), NEAR_AXIS)
     level, left, ahead, up = frame_of_boresight(boresight, x, y, z)
     sin_psi = math.sqrt(left * left + up * up)

@@ -32,6 +32,11 @@ LIMITS = {
 """Minimum and maximum of each column, and their wording in error messages. Real antennas stay well within the limits of
 the gain."""
 
+FRONT_RAD, SAME_CUT = np.radians(np.arange(-90.0, 91.0)), 0.02
+"""Elevations at which the vertical cut is compared with the mean of both sides of the horizontal one, and the largest
+difference of gains, relative to that of the boresight, at which both are the same: a pattern that is the same in all
+planes is better combined by the angle off boresight. Assumed; the error of a pattern is as large."""
+
 MOST_APART = 2.0
 """Largest ratio of two gains measured in one direction, at the beginning and the end of a turn, which are averaged.
 Assumed: 6 dB are more than the drift of a measurement."""
@@ -48,32 +53,60 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
     table of the same angles, all with one reference level, and the rms of the gain over the band is used, which is the
     pattern for a flat spectrum.
 
-    From an MSI Planet file, the block `HORIZONTAL` is read: angles in degrees, clockwise from the boresight as on a
-    compass, and attenuation relative to the peak in decibels, 0 or more.
+    An MSI Planet file has the block `HORIZONTAL`: angles in degrees, clockwise from the boresight as on a compass, and
+    attenuation relative to the peak in decibels, 0 or more; and `VERTICAL`, with angles downwards from the boresight.
+    The vertical cut is used for directions in space where it differs from the horizontal one; see `gain_in_space`.
 
     Warns:
-        InputFileWarning: If gains of one direction differ and are averaged.
+        InputFileWarning: If gains of one direction differ and are averaged, or if a vertical cut cannot be used.
 
     Raises:
         InputFileError: If the file cannot be read, a cell or an angle is invalid, or a gap between angles is too wide;
             the message gives file and line.
     """
     path = Path(path)
-    msi = _msi_rows(path)
-    names, rows = (["angle_deg", "attenuation_db"], msi) if msi else _read_csv(path)
+    if blocks := _msi_blocks(path):
+        return _read_msi(path, blocks)
+    names, rows = _read_csv(path)
     names = ["angle_deg" if name == "azimuth_deg" else name for name in names]
     if frequency := next((name for name in names if name.startswith("frequency")), None):
-        angle_deg, gain = _over_band(path, names, rows, frequency)
-    else:
-        (angle_deg,), gain = _numbers(path, names, rows, ("angle_deg",))
-        falls = np.flatnonzero(np.diff(angle_deg) <= 0.0)
-        if falls.size:
-            k = int(falls[0])
-            before, after = angle_deg[k : k + 2]
-            raise InputFileError(
-                [f"{path}: line {rows[k + 1][0]}: angle_deg: must increase, {before:g} is followed by {after:g}"]
-            )
-    return _tabulated(path, -angle_deg[::-1] if msi else angle_deg, gain[::-1] if msi else gain)
+        return _tabulated(path, *_over_band(path, names, rows, frequency))
+    return _tabulated(path, *_one_turn(path, names, rows))
+
+
+def _read_msi(path: Path, blocks: dict[str, Rows]) -> TabulatedPattern:
+    """Make the pattern of an MSI Planet file from its blocks; angles become counter-clockwise, or upwards."""
+
+    def read(block: str) -> tuple[FloatArray, FloatArray]:
+        angle_deg, gain = _one_turn(path, ["angle_deg", "attenuation_db"], blocks[block])
+        return -angle_deg[::-1], gain[::-1]
+
+    angle_deg, gain = read("HORIZONTAL")
+    pattern = _tabulated(path, angle_deg, gain)
+    if "VERTICAL" not in blocks:
+        return pattern
+    try:
+        vertical = _tabulated(path, *read("VERTICAL"))
+    except InputFileError as error:
+        text = f"{error}: VERTICAL is not used, so that heights are uncertain"
+        warnings.warn(InputFileWarning(text), stacklevel=3)
+        return pattern
+    round_gain = 0.5 * (pattern(FRONT_RAD) + pattern(-FRONT_RAD))
+    differs = np.abs(vertical(FRONT_RAD) / vertical(0.0) - round_gain / pattern(0.0)).max() > SAME_CUT
+    return TabulatedPattern(pattern.off_boresight_rad, pattern.table_gain, vertical) if differs else pattern
+
+
+def _one_turn(path: Path, names: list[str], rows: Rows) -> tuple[FloatArray, FloatArray]:
+    """Return the angles, which must increase, and the gains of a table."""
+    (angle_deg,), gain = _numbers(path, names, rows, ("angle_deg",))
+    falls = np.flatnonzero(np.diff(angle_deg) <= 0.0)
+    if falls.size:
+        k = int(falls[0])
+        before, after = angle_deg[k : k + 2]
+        raise InputFileError(
+            [f"{path}: line {rows[k + 1][0]}: angle_deg: must increase, {before:g} is followed by {after:g}"]
+        )
+    return angle_deg, gain
 
 
 def _tabulated(path: Path, angle_deg: FloatArray, gain: FloatArray) -> TabulatedPattern:
@@ -163,7 +196,7 @@ def read_any_pattern(path: str | Path) -> TabulatedPattern | SpatialPattern:
         InputFileError: See `read_pattern` and `read_spatial_pattern`.
     """
     path = Path(path)
-    if not _msi_rows(path) and "elevation_deg" in _read_csv(path)[0]:
+    if not _msi_blocks(path) and "elevation_deg" in _read_csv(path)[0]:
         return read_spatial_pattern(path)
     return read_pattern(path)
 
@@ -182,24 +215,27 @@ def _read_csv(path: Path) -> tuple[list[str], Rows]:
     return [name.strip() for name in names], [(line, row) for (line, _), row in zip(lines[1:], cells, strict=False)]
 
 
-def _msi_rows(path: Path) -> Rows:
-    """Return the rows of the block HORIZONTAL of an MSI Planet file: angle and attenuation; none for other files.
+def _msi_blocks(path: Path) -> dict[str, Rows]:
+    """Return the blocks HORIZONTAL and VERTICAL of an MSI Planet file, angle and attenuation; none for other files.
 
     The header may have any encoding.
     """
     lines = [(number, line.split()) for number, line in read_lines(path, MAX_BYTES, "replace")]
-    heads = [k for k, (_, words) in enumerate(lines) if words[0].upper() == "HORIZONTAL"]
-    if not heads:
-        return []
-    if len(heads) > 1:
-        raise InputFileError([f"{path}: must have one line that begins with HORIZONTAL, has {len(heads)}"])
-    number, head = lines[heads[0]]
-    rows = list(takewhile(lambda line: not line[1][0][0].isalpha(), lines[heads[0] + 1 :]))
-    if not rows or head[1:2] != [str(len(rows))]:  # some programs write a second number after the count
-        raise InputFileError(
-            [f"{path}: line {number}: must be HORIZONTAL and the number of rows, {len(rows)}, got {' '.join(head):.60}"]
-        )
-    return rows
+    blocks: dict[str, Rows] = {}
+    for k, (number, words) in enumerate(lines):
+        block = words[0].upper()
+        if block not in {"HORIZONTAL", "VERTICAL"}:
+            continue
+        if block in blocks:
+            raise InputFileError([f"{path}: line {number}: must have one line that begins with {block}"])
+        rows = list(takewhile(lambda line: not line[1][0][0].isalpha(), lines[k + 1 :]))
+        if not rows or words[1:2] != [str(len(rows))]:  # some programs write a second number after the count
+            given = " ".join(words)
+            raise InputFileError(
+                [f"{path}: line {number}: must be {block} and the number of rows, {len(rows)}, got {given:.60}"]
+            )
+        blocks[block] = rows
+    return blocks if "HORIZONTAL" in blocks else {}
 
 
 def _numbers(path: Path, names: list[str], rows: Rows, axes: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:

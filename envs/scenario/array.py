@@ -48,12 +48,13 @@ Total = Annotated[int, Field(ge=1, le=10**12)]
 def data_sheet_sha256(array: ArrayModel) -> str:
     """Return a digest of the data sheet: directions, positions, element pattern and spread, to six decimals."""
     manifold, spread = array.manifold, array.spread
+    cuts = [cut for cut in (manifold.pattern, manifold.pattern.vertical) if cut is not None]
     numbers = np.concatenate(
         [
             manifold.boresights_rad,
             manifold.boresight_elevations_rad,
             array.positions_m.ravel(),
-            manifold.pattern(np.radians(np.arange(-180.0, 180.0))),
+            *(cut(np.radians(np.arange(-180.0, 180.0))) for cut in cuts),
             [spread.gain, spread.pointing_rad, spread.offset, spread.pattern],
         ]
     )

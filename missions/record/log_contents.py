@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dirmusic import ArrayModel, GainManifold, GaussianPattern, TabulatedPattern
+from dirmusic import ArrayModel, GainManifold, GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.angles import azimuth_of, difference
 from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.envs import Scenario
@@ -17,22 +17,37 @@ from pdpatrol.robot_models.yard.yard import Yard
 
 def describe_array(array: ArrayModel) -> dict[str, Any]:
     """Return boresights, positions and pattern of the elements; no pattern for eq. (1) of the Dir-MUSIC paper."""
-    manifold, table = array.manifold, None
-    if isinstance(pattern := manifold.pattern, TabulatedPattern):
-        table = {"off_boresight_rad": pattern.off_boresight_rad.tolist(), "gain": pattern.table_gain.tolist()}
+    manifold = array.manifold
     return {
         "boresights_rad": manifold.boresights_rad.tolist(),
         "boresight_elevations_rad": manifold.boresight_elevations_rad.tolist(),
         "positions_m": array.positions_m.tolist(),
-        "pattern": table,
+        "pattern": _describe_pattern(manifold.pattern),
     }
+
+
+def _describe_pattern(pattern: GainPattern | None) -> dict[str, Any] | None:
+    """Return the table of a pattern, with that of its vertical cut if it has one; None if it has no table."""
+    if not isinstance(pattern, TabulatedPattern):
+        return None
+    table = {"off_boresight_rad": pattern.off_boresight_rad.tolist(), "gain": pattern.table_gain.tolist()}
+    vertical = _describe_pattern(pattern.vertical)
+    return table if vertical is None else {**table, "vertical": vertical}
+
+
+def _described_pattern(table: Mapping[str, Any]) -> TabulatedPattern:
+    """Rebuild a pattern from its table."""
+    vertical = table.get("vertical")
+    return TabulatedPattern(
+        table["off_boresight_rad"], table["gain"], None if vertical is None else _described_pattern(vertical)
+    )
 
 
 def described_manifold(description: Mapping[str, Any]) -> GainManifold:
     """Rebuild the manifold of an array; elements are level if the description has no elevations."""
     table = description.get("pattern")
     return GainManifold(
-        TabulatedPattern(**table) if table else GaussianPattern(),
+        _described_pattern(table) if table else GaussianPattern(),
         description["boresights_rad"],
         boresight_elevations_rad=description.get("boresight_elevations_rad", 0.0),
     )

@@ -45,6 +45,12 @@ class ScaledPattern(GainPattern):
     pattern: GainPattern
     scale: float
 
+    @property
+    def vertical(self) -> GainPattern | None:
+        """Gain in the vertical plane through the boresight; see `GainPattern`."""
+        vertical = self.pattern.vertical
+        return None if vertical is None else ScaledPattern(vertical, self.scale)
+
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Compute the gain and its slope per radian; see `GainPattern`."""
         mapped, by_angle = _angle_of_narrow_beam(off_boresight_rad, self.scale)

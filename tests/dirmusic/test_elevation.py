@@ -8,10 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dirmusic import ArrayModel, Bearings, GainManifold, GaussianPattern, PulseBatch, estimate_bearings
+from dirmusic import (
+    ArrayModel,
+    Bearings,
+    GainManifold,
+    GaussianPattern,
+    PulseBatch,
+    TabulatedPattern,
+    estimate_bearings,
+)
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import UNEXPLAINED
-from dirmusic.array.pattern import gain_in_space
+from dirmusic.array.pattern import Boresight, gain_and_slopes_towards, gain_in_space, gain_towards, tabulate
 from dirmusic.bearing.elevation import total_std
 from dirmusic.bearing.maximum_likelihood import in_plane_likelihood, maximum_likelihood
 from tests.dirmusic.scenes import RING, SPREAD, detected, rms, robust_std, with_bearings
@@ -43,6 +51,37 @@ def test_manifold_of_tilted_ring_is_gain_in_space() -> None:
     np.testing.assert_array_equal(tilted.take([1, 4]).gain(OFF), gain[[1, 4]])
     in_space = tilted.response_in_space(off.T, np.full((OFF.size, 1), 0.3))
     np.testing.assert_array_equal(in_space.gain, gain_in_space(PATTERN, off, 0.3, tilt).gain.T)
+
+
+SMOOTH_RAD = np.radians(np.arange(-180.0, 180.0, 5.0))
+WITH_CUTS = TabulatedPattern(
+    SMOOTH_RAD,
+    0.1 + np.exp(3.0 * (np.cos(SMOOTH_RAD) - 1.0)),
+    TabulatedPattern(SMOOTH_RAD, 0.3 + 0.2 * np.sin(SMOOTH_RAD) + np.exp(np.cos(SMOOTH_RAD) - 1.0)),
+)
+"""Beam that is higher than wide, and stronger above than below."""
+
+
+@pytest.mark.parametrize("tilt", [0.0, -1.1, 0.2])
+@pytest.mark.parametrize("elevation", [-0.9, 0.0, 0.5, 1.2])
+def test_slopes_with_two_cuts_match_differences(elevation: float, tilt: float) -> None:
+    """The formula and the compiled kernel, which also has the slope by the width of the beam."""
+    off, step, table = np.radians(np.arange(-175.0, 180.0, 10.0)), 1e-6, tabulate(WITH_CUTS)
+    boresight = Boresight(1.0, 0.0, np.cos(tilt), np.sin(tilt))
+
+    def kernel(turn: float, rise: float, widening: float) -> np.ndarray:
+        up = elevation + rise
+        towards = [(np.cos(up) * np.cos(a + turn), np.cos(up) * np.sin(a + turn), np.sin(up)) for a in off]
+        return np.array([gain_and_slopes_towards(table, boresight, *vector, widening) for vector in towards])
+
+    here = gain_in_space(WITH_CUTS, off, elevation, tilt)
+    np.testing.assert_allclose(kernel(0.0, 0.0, 0.0)[:, :3], np.transpose(here), atol=1e-7)
+    towards = np.cos(elevation) * np.cos(off), np.cos(elevation) * np.sin(off), np.full(off.size, np.sin(elevation))
+    gain = [gain_towards(table, boresight, *np.multiply(3.0, vector)) for vector in zip(*towards, strict=True)]
+    np.testing.assert_allclose(gain, here.gain, atol=1e-8)
+    for column, turn, rise, wide in ((1, step, 0.0, 0.0), (2, 0.0, step, 0.0), (3, 0.0, 0.0, step)):
+        after, before = (kernel(s * turn, s * rise, 0.1 + s * wide)[:, 0] for s in (1, -1))
+        np.testing.assert_allclose(kernel(0.0, 0.0, 0.1)[:, column], (after - before) / (2 * step), atol=1e-5)
 
 
 @pytest.mark.parametrize("tilt", [0.0, -1.5, -0.3, 0.2, 0.7, np.pi / 2])

@@ -16,6 +16,7 @@ from dirmusic import (
 )
 from dirmusic.angles import difference
 from dirmusic.array.beam import Beam, describe_beam
+from dirmusic.array.pattern import gain_in_space
 from tests.dirmusic.scenes import RING
 
 OFF = np.radians(np.linspace(-180.0, 180.0, 1441))
@@ -33,13 +34,21 @@ def write(path: Path, rows: list[tuple[float, float]], header: str = "angle_deg,
     return path
 
 
-def as_msi(rows: list[tuple[float, float]]) -> str:
-    """Return an MSI Planet file, whose angles are clockwise."""
+def msi_block(name: str, rows: list[tuple[float, float]]) -> list[str]:
+    """Return a block of an MSI Planet file, whose angles are clockwise, and downwards."""
     largest = max(gain for _, gain in rows)
     clockwise = [f"{-a % 360.0:g} {20 * np.log10(largest / g):.4f}" for a, g in reversed(rows)]
     at = next(k for k, row in enumerate(clockwise) if row.startswith("0 "))
     ordered = clockwise[at:] + clockwise[:at]
-    return "\n".join(["NAME x", "GAIN 0 dBi", f"HORIZONTAL {len(rows)}", *ordered, "VERTICAL 1", "0 0"])
+    return [f"{name} {len(rows)}", *ordered]
+
+
+def as_msi(rows: list[tuple[float, float]], vertical: list[tuple[float, float]] | None = None) -> str:
+    """Return an MSI Planet file, with the vertical cut of a pattern that is the same in all planes by default."""
+    angles, gains = np.transpose(rows)
+    across = [(a, 0.5 * (g + float(np.interp(-a, angles, gains, period=360.0)))) for a, g in rows]
+    cuts = [*msi_block("HORIZONTAL", rows), *msi_block("VERTICAL", vertical or across)]
+    return "\n".join(["NAME x", "GAIN 0 dBi", *cuts])
 
 
 @pytest.mark.parametrize("name", ["p.csv", "p.msi", "p.PLN"])
@@ -97,6 +106,37 @@ def test_dialects_of_msi_are_read_alike(tmp_path: Path, name: str, old: bytes, n
     assert new in changed
     plain = read_pattern(tmp_path / "plain.msi")
     np.testing.assert_array_equal(read_pattern(tmp_path / name)(OFF), plain(OFF))
+
+
+def gaussian(width_deg: float, tilt_deg: float = 0.0) -> list[tuple[float, float]]:
+    """Tabulate a Gaussian beam whose gain is 3 dB down half the width off its axis, with 26 dB less behind."""
+    return [(a, 10 ** (-min(12.04 * ((a - tilt_deg) / width_deg) ** 2, 26.0) / 20)) for a in np.arange(-180.0, 180.0)]
+
+
+def test_vertical_cut_is_used_where_it_differs(tmp_path: Path) -> None:
+    """Both cuts are reproduced, attenuations off both add up, and elevations are upwards where the file's are down."""
+    (tmp_path / "p.msi").write_text(as_msi(gaussian(50.0), gaussian(100.0, tilt_deg=-8.0)))
+    pattern = read_pattern(tmp_path / "p.msi")
+    off, up = np.radians([10.0, -35.0, 120.0]), np.radians([[-60.0], [-8.0], [0.0], [25.0]])
+    tilted_up = read_pattern(write(tmp_path / "v.csv", gaussian(100.0, tilt_deg=-8.0)))
+    plane = read_pattern(write(tmp_path / "h.csv", gaussian(50.0)))
+    expected = plane(off) * tilted_up(up) / tilted_up(0.0)
+    np.testing.assert_allclose(gain_in_space(pattern, off, up).gain / pattern(0.0), expected, atol=1e-3)
+    np.testing.assert_array_equal(gain_in_space(pattern, off, 0.0).gain, pattern(off))
+
+
+def test_round_pattern_is_combined_by_angle_and_roll(tmp_path: Path) -> None:
+    """A file whose vertical cut is that of a pattern that is the same in all planes gives the same as without it."""
+    (tmp_path / "p.msi").write_text(as_msi(table(1.0)))
+    (tmp_path / "h.msi").write_text("\n".join(msi_block("HORIZONTAL", table(1.0))))
+    first, second = (gain_in_space(read_pattern(tmp_path / name), OFF, 0.5) for name in ("p.msi", "h.msi"))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_vertical_cut_that_cannot_be_used_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "p.msi").write_text("\n".join([*msi_block("HORIZONTAL", table()), "VERTICAL 1", "0 0"]))
+    with pytest.warns(InputFileWarning, match="VERTICAL is not used, so that heights are uncertain"):
+        assert read_pattern(tmp_path / "p.msi").vertical is None
 
 
 def test_closing_row_measured_apart_is_averaged_with_a_note(tmp_path: Path) -> None:
@@ -171,7 +211,7 @@ def test_invalid_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[
         ("a.csv", b"frequency_hz,angle_deg,gain\n1,0,1\n", "line 2: frequency_hz: must be 1e6 to 1e12 Hz, got '1'"),
         ("none.csv", None, "cannot be read"),
         ("a.msi", b"NAME x\nGAIN 9 dBi\n", "must be an MSI Planet file with a line HORIZONTAL"),
-        ("a.msi", b"HORIZONTAL 1\n0 0\nHORIZONTAL 1\n0 0\n", "must have one line .* HORIZONTAL, has 2"),
+        ("a.msi", b"HORIZONTAL 1\n0 0\nHORIZONTAL 1\n0 0\n", "line 3: must have one line .* HORIZONTAL"),
         ("a.msi", b"NAME x\nHORIZONTAL 5\n0 1\n1 1\nVERTICAL 1\n", "line 2: must be .* number of rows, 2"),
         ("a.msi", b"HORIZONTAL 0\n", "number of rows, 0"),
         ("a.msi", b"HORIZONTAL 2\n0 1\n90 -1\n", "line 3: attenuation_db: must be 0 to 200 dB"),

@@ -13,6 +13,8 @@ from dirmusic import GaussianPattern
 from dirmusic.arrays import FloatArray
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.report.records import Report
+from pdpatrol.sensing import ArrayConfig, HelicalArray
+from pdpatrol.sensing.radio.surroundings import level_transform
 from tests.missions.conftest import Refused
 from tests.missions.field.surveys import EXAMPLE, locate, log_of_table, orbit, survey, write
 from tests.processes import assert_times_add_up, pdpatrol
@@ -157,6 +159,24 @@ def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
     assert (np.diff(steps[:100]) == 1).all()  # hour by hour for four days
     assert np.diff(steps)[-10:-1].min() >= 5
     assert steps[-1] == len(hours) - 1
+
+
+def test_vertical_cut_of_a_pattern_gives_the_height(tmp_path: Path) -> None:
+    """Beams that are 100 degrees high and 50 wide: the height is found with the vertical cut, and not far off."""
+    lines = ["NAME sector"]
+    for name, width_deg in (("HORIZONTAL", 50.0), ("VERTICAL", 100.0)):
+        off_deg = np.minimum(np.arange(360.0), 360.0 - np.arange(360.0))
+        attenuation_db = np.minimum(12.04 * np.square(off_deg / width_deg), 28.0)
+        lines += [f"{name} 360", *(f"{a} {loss_db:.3f}" for a, loss_db in enumerate(attenuation_db))]
+    (tmp_path / "sector.msi").write_text("\n".join(lines))
+    array = HelicalArray.nominal(ArrayConfig(pattern=str(tmp_path / "sector.msi")))
+    rng, source_m, rows = np.random.default_rng(3), np.array([10.0, 10.0, 3.0]), list[list[float]]()
+    for k, (x, y, yaw) in enumerate(np.repeat(orbit(10, 4.5, (10.0, 10.0)), 4, axis=0)):
+        strength = 0.4 * array.free_space_response(source_m, level_transform(np.array([x, y, yaw])))[0]
+        rows.append([3.0 * k, x, y, np.degrees(yaw), *np.abs(strength + rng.normal(0.0, 1e-3, strength.size))])
+    (finding,) = locate(write(tmp_path / "s.csv", rows), pattern=tmp_path / "sector.msi").findings
+    assert np.linalg.norm(np.array(finding.position_m[:2]) - source_m[:2]) < 0.1
+    assert abs(finding.position_m[2] - 3.0) < min(2.0 * finding.position_std_m[2], 0.8)
 
 
 def test_turned_pattern_is_noted(tmp_path: Path) -> None:
