@@ -11,7 +11,7 @@ from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.follow_survey import follow_survey, title_of
 from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
 from pdpatrol.missions.cli.terminal import continued_folder, err, note, out, output_folder, progress_bar, refuse
-from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.field.field_data import FieldData, read_field_data
 from pdpatrol.missions.field.follow import RECEIVED
 from pdpatrol.missions.field.locate_field_data import locate_field_data
 from pdpatrol.missions.field.survey import SurveyOptions
@@ -37,9 +37,12 @@ def locate(
     waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
     .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg, the kind of discharge is classified.
 
+    Instead of a table, an MCAP file or a rosbag2 folder holds poses and pulses, as `pdpatrol export` writes them.
+
     Args:
-        table: CSV table of the survey. With --follow also a folder of such tables, which are read in the order of their
-            names; - for standard input; or 127.0.0.1:PORT, to which one program after another may connect and send.
+        table: CSV table, MCAP file or rosbag2 folder of the survey. With --follow also a folder of tables, which are
+            read in the order of their names; - for standard input; or 127.0.0.1:PORT, to which one program after
+            another may connect and send.
         survey: Array, receiver, poses, yard and date.
         follow: Locate while the survey is recorded: print findings as they change, until Ctrl-C, the end of standard
             input, or --idle-s. Records are rows of a CSV table with strengths, or JSON objects with the same names, one
@@ -60,8 +63,7 @@ def locate(
             with stopwatch.on("following"):
                 table = follow_survey(table, survey, folder, idle_s, live, err if json_output else out).path
         with err.status(f"Reading {table.name}"), stopwatch.on("reading"):
-            data = read_field_data(table, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9)
-            data = replace(data, path=title)
+            data = replace(_read(table, survey), path=title)
         with progress_bar() as progress, stopwatch.on("locating"):
             bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
             log = locate_field_data(data, survey, lambda share: progress.advance(bar, share))
@@ -72,3 +74,12 @@ def locate(
     note(*report.notes)
     counts = f"{data.time_s.size} poses, {data.step.size} pulses, {report.n_bearings} bearings"
     print_outcome(report, folder, [counts], json_output)
+
+
+def _read(path: Path, survey: SurveyOptions) -> FieldData:
+    """Read a table, or a recording of ROS 2."""
+    if path.suffix.lower() in (".mcap", ".db3") or path.is_dir():
+        from pdpatrol.missions.field.ros2_bag import read_bag  # rosbags is optional
+
+        return read_bag(path, survey)
+    return read_field_data(path, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9)

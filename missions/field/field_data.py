@@ -77,6 +77,21 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     table.check()
     if np.isfinite(phase_rad).any() and pulses.row.size > time_s.size:
         raise InputFileError([f"{path}: mains_phase_deg needs one pulse per row, and a waveform file holds several"])
+    return assemble(path, poses, phase_rad, pulses)
+
+
+def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: TablePulses) -> FieldData:
+    """Leave out channels without a signal, and group rows into steps.
+
+    Args:
+        path: The table or recording.
+        poses: time s, x m, y m and yaw rad of each row, shape (n_rows, 4); the times do not decrease.
+        phase_rad: Mains phase of each row, NaN where it is unknown, shape (n_rows,).
+        pulses: Pulses and their rows; a row may have none.
+
+    Raises:
+        InputFileError: If too few or too many channels have a signal.
+    """
     is_alive = np.any(np.nan_to_num(pulses.strengths_v) > 0, axis=0)
     if not MIN_CHANNELS <= is_alive.sum() <= MAX_CHANNELS:
         must = f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels with a signal"

@@ -205,7 +205,11 @@ def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions, margin_m: f
         "seed": None,
         "policy": None,
         "date": survey.date,
-        "field_data": {"file": data.path.name},
+        "field_data": {
+            "file": data.path.name,
+            "n_channels": data.n_recorded,
+            "channels": data.channels.tolist(),
+        },
         "n_elements": array.manifold.n_elements,
         "array": describe_array(array),
         "bounds_m": [low.tolist(), high.tolist()] if survey.yard_m is None else [[0.0, 0.0], survey.yard_m],
