@@ -6,6 +6,7 @@ from math import inf
 import numpy as np
 
 from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.robot_models.turning import turning_doubt
 from pdpatrol.sensing.receiver.receiver import Receiver
 
 REFLECTION_MARGIN_DB = 6.0
@@ -13,13 +14,18 @@ REFLECTION_MARGIN_DB = 6.0
 
 
 def plausibility(scenario: Scenario) -> Iterator[str]:
-    """Warn about sources that never discharge or cannot be detected, each warning as `key: message`."""
+    """Warn about robots that do not turn as commanded, and about sources that never discharge or cannot be detected.
+
+    Each warning is one line, `key: message`.
+    """
     receiver = Receiver(scenario.receiver, scenario.array.n_channels)
     if scenario.receiver.full_scale_v <= receiver.threshold_v:
         yield (
             f"receiver.full_scale_v: {scenario.receiver.full_scale_v:g} V is below the trigger level, "
             f"{receiver.threshold_v:.2g} V, so that every detected pulse is clipped"
         )
+    if doubt := turning_doubt(scenario.robot.description):
+        yield f"robot.model: {scenario.robot.model}: {doubt}"
     time_limit_s, room_m = scenario.task.time_limit_s, scenario.robot.description.room_m
     for i, source in enumerate(scenario.grown_sources):
         start_s, end_s = source.active_s or (0.0, inf)

@@ -1,14 +1,18 @@
 """`pdpatrol locate`: findings from field data."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
+from pydantic import Field
 
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.follow_survey import follow_survey, title_of
 from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
-from pdpatrol.missions.cli.terminal import err, note, output_folder, progress_bar
-from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.cli.terminal import continued_folder, err, note, out, output_folder, progress_bar, refuse
+from pdpatrol.missions.field.field_data import FieldData, read_field_data
+from pdpatrol.missions.field.follow import RECEIVED
 from pdpatrol.missions.field.locate_field_data import locate_field_data
 from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.runner import Stopwatch
@@ -19,6 +23,9 @@ def locate(
     /,
     *,
     survey: Annotated[SurveyOptions, tyro.conf.arg(name="")],
+    follow: bool = False,
+    idle_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS"), Field(gt=0, allow_inf_nan=False)] = None,
+    live: bool = False,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
     timing: bool = False,
@@ -30,17 +37,33 @@ def locate(
     waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
     .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg, the kind of discharge is classified.
 
+    Instead of a table, an MCAP file or a rosbag2 folder holds poses and pulses, as `pdpatrol export` writes them.
+
     Args:
-        table: CSV table of the survey.
+        table: CSV table, MCAP file or rosbag2 folder of the survey. With --follow also a folder of tables, which are
+            read in the order of their names; - for standard input; or 127.0.0.1:PORT, to which one program after
+            another may connect and send.
         survey: Array, receiver, poses, yard and date.
+        follow: Locate while the survey is recorded: print findings as they change, until Ctrl-C, the end of standard
+            input, or --idle-s. Records are rows of a CSV table with strengths, or JSON objects with the same names, one
+            a line. They are stored in received.csv in the output folder, and located as a finished file at the end. A
+            folder with that file is continued.
+        idle_s: With --follow, end when nothing has arrived for so long.
+        live: With --follow, show the survey in the Rerun viewer.
         out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
         json_output: Print the report as JSON instead of a table.
         timing: Print how long each part took.
     """
-    stopwatch = Stopwatch()
-    with output_folder(out_dir, table.stem) as folder:
+    if not follow and (live or idle_s is not None):
+        refuse("--live and --idle-s need --follow")
+    stopwatch, title = Stopwatch(), title_of(table) if follow else table
+    reserved = continued_folder(out_dir, title.stem, RECEIVED) if follow else output_folder(out_dir, title.stem)
+    with reserved as folder:
+        if follow:
+            with stopwatch.on("following"):
+                table = follow_survey(table, survey, folder, idle_s, live, err if json_output else out).path
         with err.status(f"Reading {table.name}"), stopwatch.on("reading"):
-            data = read_field_data(table, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9)
+            data = replace(_read(table, survey), path=title)
         with progress_bar() as progress, stopwatch.on("locating"):
             bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
             log = locate_field_data(data, survey, lambda share: progress.advance(bar, share))
@@ -51,3 +74,12 @@ def locate(
     note(*report.notes)
     counts = f"{data.time_s.size} poses, {data.step.size} pulses, {report.n_bearings} bearings"
     print_outcome(report, folder, [counts], json_output)
+
+
+def _read(path: Path, survey: SurveyOptions) -> FieldData:
+    """Read a table, or a recording of ROS 2."""
+    if path.suffix.lower() in (".mcap", ".db3") or path.is_dir():
+        from pdpatrol.missions.field.ros2_bag import read_bag  # rosbags is optional
+
+        return read_bag(path, survey)
+    return read_field_data(path, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9)

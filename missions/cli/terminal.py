@@ -2,18 +2,19 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from itertools import count
 from pathlib import Path
 from typing import NoReturn
 
+from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import Progress
 
 from pdpatrol.missions.cli.process import FAILED, USAGE_ERROR, one_line, print_error
 
-CLAIM = ".claim"
-"""File that reserves an output folder for one process."""
+CLAIM, LOCK = ".claim", ".lock"
+"""Files that reserve an output folder for one process; the lock ends with the process."""
 
 out, err = (Console(stderr=to_stderr, markup=False, highlight=False, emoji=False) for to_stderr in (False, True))
 """Consoles without markup: text from a user's file is printed as it is."""
@@ -77,6 +78,32 @@ def output_folder(given: Path | None, name: str, option: str = "--out") -> Itera
                 folder.rmdir()
             if given is None:
                 folder.parent.rmdir()
+
+
+@contextmanager
+def continued_folder(given: Path | None, name: str, content: str, option: str = "--out") -> Iterator[Path]:
+    """Reserve a folder as `output_folder` does, or one in which an earlier process has left a file to be continued.
+
+    Args:
+        given: Folder given by the user, if any.
+        name: Name of the folder under runs/ otherwise.
+        content: Name of the file that is continued.
+        option: Option that gives the folder, for error messages.
+    """
+    is_continued = given is not None and (given / content).is_file()
+    with nullcontext(given) if is_continued else output_folder(given, name, option) as folder:
+        assert folder is not None
+        lock = FileLock(folder / LOCK, timeout=0)
+        try:
+            lock.acquire()
+        except Timeout:
+            refuse(f"{option}: {given} must be a folder to which no other command writes")
+        try:
+            yield folder
+        finally:
+            for name in (CLAIM, LOCK):  # the claim is that of a killed process, if the folder is continued
+                (folder / name).unlink(missing_ok=True)
+            lock.release()
 
 
 def _new_folder(name: str) -> Path:

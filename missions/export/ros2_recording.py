@@ -1,4 +1,4 @@
-"""Write a mission as an MCAP file of ROS 2 messages: poses, transforms, scans, and markers of yard and findings.
+"""Write a mission as an MCAP file of ROS 2 messages: poses, transforms, scans, pulses, markers of yard and findings.
 
 Frames: `map` of the yard, `base_link` of the robot at its estimated pose, `laser` of its lidar.
 """
@@ -27,6 +27,7 @@ TOPICS = {
     "/yard": "visualization_msgs/MarkerArray",
     "/bearings": "visualization_msgs/MarkerArray",
     "/findings": "visualization_msgs/MarkerArray",
+    "/pulses": "pdpatrol_msgs/Pulse",
 }
 """Type of the messages on each topic."""
 
@@ -50,6 +51,9 @@ MESSAGE_FIELDS: dict[str, str] = {
         "float32 time_increment, float32 scan_time, float32 range_min, float32 range_max, float32[] ranges, "
         "float32[] intensities"
     ),
+    "pdpatrol_msgs/Pulse": (
+        "std_msgs/Header header, float64[] strengths_v, float64[] std_v, float64 mains_phase_rad, bool is_clipped"
+    ),
     "sensor_msgs/CompressedImage": "std_msgs/Header header, string format, uint8[] data",
     "visualization_msgs/UVCoordinate": "float32 u, float32 v",
     "visualization_msgs/MeshFile": "string filename, uint8[] data",
@@ -62,7 +66,11 @@ MESSAGE_FIELDS: dict[str, str] = {
     ),
     "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
 }
-"""Fields of each type of message, in order, as in common_interfaces 4 (ROS 2 Humble)."""
+"""Fields of each type of message, in order, as in common_interfaces 4 (ROS 2 Humble).
+
+`pdpatrol_msgs/Pulse` is our own: strengths of a pulse in all channels, their standard deviations by noise, mains phase
+or NaN, and whether a channel was clipped.
+"""
 
 MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2, "cylinder": 3, "line_strip": 4, "line_list": 5, "text": 9}
 """Types of a visualization_msgs/Marker."""
@@ -127,6 +135,8 @@ def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[tuple[int
     scan = log.table("scan")
     for at, range_m in zip(scan["step"].tolist(), scan["range_m"], strict=True):
         yield at, "/scan", _scan(header(at, "laser"), range_m, log.meta["lidar"])
+    for at, content in _pulses(log):
+        yield at, "/pulses", {"header": header(at, "base_link"), **content}
     bearing = log.table("bearing")
     bearing_step = log.column("pulse", "step")[bearing["pulse"]]
     for at in np.unique(bearing_step).tolist():
@@ -144,6 +154,19 @@ def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[tuple[int
         for row in np.flatnonzero(finding["step"] == at):
             markers += _finding_markers({name: column[row] for name, column in finding.items()}, header(at))
         yield at, "/findings", {"markers": markers}
+
+
+def _pulses(log: MissionLog) -> Iterator[tuple[int, Content]]:
+    """Yield step and content of each pulse; in channels that `locate` had left out, the strength is zero."""
+    pulse, survey = log.table("pulse"), log.meta.get("field_data", {})
+    channels = survey.get("channels", range(log.meta["n_elements"]))
+    shape = len(pulse["step"]), survey.get("n_channels", log.meta["n_elements"])
+    strengths_v, std_v = np.zeros(shape), np.ones(shape)
+    strengths_v[:, channels], std_v[:, channels] = pulse["strengths_v"], pulse["std_v"]
+    others = zip(pulse["mains_phase_rad"].tolist(), pulse["is_clipped"].tolist(), strict=True)
+    for at, volts, std, (phase_rad, is_clipped) in zip(pulse["step"].tolist(), strengths_v, std_v, others, strict=True):
+        values = {"strengths_v": volts.tolist(), "std_v": std.tolist()}
+        yield at, {**values, "mains_phase_rad": phase_rad, "is_clipped": is_clipped}
 
 
 def _scan(header: Content, range_m: FloatArray, lidar: Mapping[str, float]) -> Content:

@@ -68,33 +68,36 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         InputFileError: If the table or a waveform file is invalid; the message names file and line.
     """
     table = read_table(path)
-    strengths, deviations = _check_columns(table)
-    poses = np.hstack(
-        [
-            table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
-            table.numbers(-1e5, 1e5, "x_m", "y_m"),
-            np.radians(table.numbers(-720, 720, "yaw_deg")),
-        ]
-    )
-    time_s, phase_rad = poses[:, 0], np.full(len(poses), np.nan)
-    if "mains_phase_deg" in table.columns:
-        phase_rad = np.radians(table.numbers(-360, 360, "mains_phase_deg")[:, 0]) % (2 * np.pi)
+    check_columns(table)
+    poses, phase_rad, pulses = survey_rows(table, noise_v, gate_s)
+    time_s = poses[:, 0]
     for row in np.flatnonzero(np.diff(time_s) < 0):
         text = f"time_s must not decrease: {time_s[row]:g} is followed by {time_s[row + 1]:g}"
         table.errors.append(f"{path}: line {table.lines[row + 1]}: {text}")
     table.check()
-    if strengths:
-        pulses = _read_strengths(table, strengths, deviations, noise_v)
-    else:
-        pulses = read_waveforms(table, noise_v, gate_s)
     if np.isfinite(phase_rad).any() and pulses.row.size > time_s.size:
         raise InputFileError([f"{path}: mains_phase_deg needs one pulse per row, and a waveform file holds several"])
+    return assemble(path, poses, phase_rad, pulses)
+
+
+def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: TablePulses) -> FieldData:
+    """Leave out channels without a signal, and group rows into steps.
+
+    Args:
+        path: The table or recording.
+        poses: time s, x m, y m and yaw rad of each row, shape (n_rows, 4); the times do not decrease.
+        phase_rad: Mains phase of each row, NaN where it is unknown, shape (n_rows,).
+        pulses: Pulses and their rows; a row may have none.
+
+    Raises:
+        InputFileError: If too few or too many channels have a signal.
+    """
     is_alive = np.any(np.nan_to_num(pulses.strengths_v) > 0, axis=0)
     if not MIN_CHANNELS <= is_alive.sum() <= MAX_CHANNELS:
         must = f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels with a signal"
         raise InputFileError([f"{path}: {must}, got {is_alive.sum()}"])
     is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
-    steps, step_of_row, notes = _steps(poses)
+    steps, step_of_row, notes = steps_of(poses)
     notes += doubts(steps[:, 1:])
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
@@ -113,18 +116,45 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     )
 
 
-def _steps(poses: FloatArray) -> tuple[FloatArray, IntArray, list[str]]:
+def survey_rows(table: InputTable, noise_v: float | None, gate_s: float) -> tuple[FloatArray, FloatArray, TablePulses]:
+    """Check and convert the cells of a table; see `read_field_data` for the arguments.
+
+    Returns:
+        time s, x m, y m and yaw rad of each row, shape (n_rows, 4); mains phase in radians, NaN where it is unknown,
+        shape (n_rows,); and the pulses.
+
+    Raises:
+        InputFileError: If a cell or a waveform file is invalid.
+    """
+    poses = np.hstack(
+        [
+            table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
+            table.numbers(-1e5, 1e5, "x_m", "y_m"),
+            np.radians(table.numbers(-720, 720, "yaw_deg")),
+        ]
+    )
+    phase_rad = np.full(len(poses), np.nan)
+    if "mains_phase_deg" in table.columns:
+        phase_rad = np.radians(table.numbers(-360, 360, "mains_phase_deg")[:, 0]) % (2 * np.pi)
+    table.check()
+    if "waveform" in table.columns:
+        return poses, phase_rad, read_waveforms(table, noise_v, gate_s)
+    return poses, phase_rad, _read_strengths(table, noise_v)
+
+
+def steps_of(poses: FloatArray, most: int = MAX_STEPS) -> tuple[FloatArray, IntArray, list[str]]:
     """Group consecutive rows with the same time and pose into steps; if these are too many, pool the rows by cell.
 
     Args:
-        poses: time s, x m, y m and yaw rad of each row, shape (n_rows, 4).
+        poses: time s, x m, y m and yaw rad of each row, shape (n_rows, 4), n_rows >= 1.
+        most: Number of steps from which on rows are pooled.
 
     Returns:
         The same for each step; the step of each row, shape (n_rows,); and a note if rows were pooled.
     """
     notes: list[str] = []
     is_first = _changes(poses)
-    if is_first.sum() > MAX_STEPS:
+    if is_first.sum() > most:
         n_steps, is_first = is_first.sum(), _changes(np.floor((poses - poses[0]) / POOLED))
         notes = [f"{n_steps} times and poses were pooled into {is_first.sum()}: within 1 s, 0.1 m and 2 degrees"]
     starts = np.flatnonzero(is_first)
@@ -156,12 +186,13 @@ def doubts(pose: FloatArray) -> list[str]:
     return notes
 
 
-def _check_columns(table: InputTable) -> tuple[list[str], list[str]]:
-    """Check the names of the columns; return those of strengths, and those of their deviations."""
-    n, n_std = (sum(name.startswith(kind) for name in table.columns) for kind in ("strength_", "std_"))
-    strengths, deviations = ([f"{kind}_{k + 1}" for k in range(n)] for kind in ("strength", "std"))
-    if not n_std:
-        deviations = []
+def check_columns(table: InputTable) -> None:
+    """Check the names of the columns.
+
+    Raises:
+        InputFileError: If a column is missing or unknown.
+    """
+    strengths, deviations = strength_columns(table)
     needed = ["time_s", "x_m", "y_m", "yaw_deg", *(strengths or ["waveform"]), *deviations]
     missing = [name for name in needed if name not in table.columns]
     unknown = [name for name in table.columns if name not in (*needed, "mains_phase_deg")]
@@ -172,12 +203,17 @@ def _check_columns(table: InputTable) -> tuple[list[str], list[str]]:
                 "either waveform or strength_1, strength_2 ... and std_1, std_2 ..., and mains_phase_deg"
             )
     table.check()
-    return strengths, deviations
 
 
-def _read_strengths(
-    table: InputTable, strengths: list[str], deviations: list[str], noise_v: float | None
-) -> TablePulses:
+def strength_columns(table: InputTable) -> tuple[list[str], list[str]]:
+    """Return the names that the columns of strengths, and of their deviations if there are any, must have."""
+    n, n_std = (sum(name.startswith(kind) for name in table.columns) for kind in ("strength_", "std_"))
+    strengths, deviations = ([f"{kind}_{k + 1}" for k in range(n)] for kind in ("strength", "std"))
+    return strengths, deviations if n_std else []
+
+
+def _read_strengths(table: InputTable, noise_v: float | None) -> TablePulses:
+    strengths, deviations = strength_columns(table)
     strengths_v = table.numbers(0, MAX_VOLTS, *strengths)
     if deviations:
         std_v = table.numbers(MIN_STRENGTH_V, MAX_VOLTS, *deviations)

@@ -12,16 +12,19 @@ from threadpoolctl import threadpool_limits
 from dirmusic import (
     ArrayModel,
     ElementSpread,
+    Finding,
     GainManifold,
     GaussianPattern,
     InputFileError,
     Locator,
     PoseError,
+    PulseBatch,
     read_pattern,
 )
 from dirmusic.array.beam import describe_beam
 from dirmusic.array.element_errors import UNEXPLAINED
 from dirmusic.array.manifold import check_azimuths_differ, ring_boresights_rad
+from dirmusic.arrays import FloatArray
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
@@ -67,6 +70,117 @@ def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
     return ArrayModel(manifold=manifold, positions_m=np.stack(positions_m, axis=-1), spread=spread)
 
 
+class FieldLocator:
+    """Estimates bearings and findings from the steps of a survey, batch by batch, and logs them.
+
+    The times of refits depend on the times of the steps only.
+
+    Args:
+        data: First data of the survey, from which the channels of the array and the bounds of the log are taken; they
+            are not located yet.
+        survey: Array, poses, yard and date.
+        margin_m: Width of the margin that the log shows around the poses of `data`, if the yard is not given.
+
+    Attributes:
+        log: Log of a mission without robot, yard and truth.
+
+    Raises:
+        InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
+    """
+
+    def __init__(self, data: FieldData, survey: SurveyOptions, margin_m: float = 10.0) -> None:
+        array = array_model(data, survey)
+        self._calibration = survey.calibration and read_calibration(survey.calibration)
+        if self._calibration is not None:
+            if mismatch := self._calibration.mismatch(array, None):
+                raise InputFileError([f"--calibration: {mismatch}"])
+            array = self._calibration.applied_to(array)
+        pose_error = PoseError(
+            position_m=survey.position_std_m,
+            heading_rad=math.radians(survey.heading_std_deg),
+            correlation_s=survey.pose_correlation_s,
+        )
+        self.log = MissionLog(_meta(data, array, survey, margin_m))
+        if survey.pattern is not None:
+            self.log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
+        self._name, self._channels = data.path.name, data.channels
+        self._monitor = ChannelMonitor(array, maximum_likelihood)
+        locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=FIELD_RULES)
+        self._tracker = Tracker(self.log, locator, array, pose_error, FIELD_RULES.max_std_rad)
+        self._start_s, self._due_s, self._refitted_step, self._n_clipped = np.inf, np.inf, 0, 0
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Findings so far."""
+        return self._tracker.findings
+
+    def add(self, data: FieldData, progress: Callable[[float], None] = lambda share: None) -> None:
+        """Locate with the next steps of the survey.
+
+        Args:
+            data: Pulses with their poses, in the channels of the first data.
+            progress: Called with the share of the steps that was located since the last call.
+        """
+        with threadpool_limits(limits=1):
+            pulses, suspects = self._monitor.watch(data.pulses)
+            for suspect in suspects:  # numbered as in the files, including the dead channels
+                recorded = suspect._replace(channel=int(self._channels[suspect.channel - 1]) + 1)
+                self.log.event("channel fault", f"{recorded}: left out")
+            self._n_clipped += np.count_nonzero(pulses.is_overdriven)
+            first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
+            for step, (time_s, pose) in enumerate(zip(data.time_s.tolist(), data.pose, strict=True)):
+                self._add_step(time_s, pose, pulses.take(slice(first[step], first[step + 1])))
+                progress(1.0 / data.time_s.size)
+
+    def _add_step(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
+        no_pose = np.full(3, np.nan)
+        self.log.append(
+            "step",
+            time_s=time_s,
+            pose=pose,
+            true_pose=no_pose,
+            odometry=no_pose,
+            battery=np.nan,
+            command=no_pose[:2],
+            phase="field",
+            phase_target=0,
+        )
+        self._tracker.track(time_s, pose, pulses)
+        if self.log.n_rows("step") == 1:  # in the first step, `track` fits
+            self._start_s, self._due_s = time_s, time_s + 1.0
+        elif time_s >= self._due_s:
+            self._refit(time_s)
+
+    def _refit(self, time_s: float) -> None:
+        self._tracker.refit(time_s)
+        self._refitted_step = self.log.last_step
+        # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
+        # hours is refitted only a few hundred times.
+        self._due_s = time_s + max(1.0, 0.02 * (time_s - self._start_s))
+
+    def finish(self) -> MissionLog:
+        """Fit all pulses again and complete the log; at least one step must have been added."""
+        with threadpool_limits(limits=1):
+            if self._refitted_step < self.log.last_step:
+                self._refit(float(self.log.column("step", "time_s", self.log.last_step)[0]))
+            n_pulses, n_used = self.log.n_rows("pulse"), self.log.n_rows("bearing")
+            if n_pulses and not n_used:
+                self.log.event(
+                    "rejected",
+                    f"all {n_pulses} pulses were rejected: {self._n_clipped} clipped, the others too weak for the "
+                    "noise (deviations, volts?)",
+                )
+            self._tracker.finish(self._name, None, self._calibration)
+        if n_used and not self.log.column("association", "finding").any():
+            text = (
+                f"no finding explains any of {n_used} pulses: few poses, or wrong boresights, pattern or order of "
+                "channels?"
+            )
+            self.log.event("note", text)
+        self.log.event("end", "survey over: all rows read", subject="all rows read")
+        return self.log
+
+
 def locate_field_data(
     data: FieldData, survey: SurveyOptions, progress: Callable[[float], None] = lambda share: None
 ) -> MissionLog:
@@ -80,77 +194,27 @@ def locate_field_data(
     Raises:
         InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
     """
-    array = array_model(data, survey)
-    calibration = survey.calibration and read_calibration(survey.calibration)
-    if calibration is not None:
-        if mismatch := calibration.mismatch(array, None):
-            raise InputFileError([f"--calibration: {mismatch}"])
-        array = calibration.applied_to(array)
-    pose_error = PoseError(
-        position_m=survey.position_std_m,
-        heading_rad=math.radians(survey.heading_std_deg),
-        correlation_s=survey.pose_correlation_s,
-    )
-    log = MissionLog(_meta(data, array, survey))
-    locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=FIELD_RULES)
-    tracker = Tracker(log, locator, array, pose_error, FIELD_RULES.max_std_rad)
-    with threadpool_limits(limits=1):
-        pulses, suspects = ChannelMonitor(array, maximum_likelihood).watch(data.pulses)
-        for note in data.notes:
-            log.event("note", note)
-        if survey.pattern is not None:
-            log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
-        for suspect in suspects:  # numbered as in the files, including the dead channels
-            recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
-            log.event("channel fault", f"{recorded}: left out")
-        first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
-        no_pose, due_s = np.full(3, np.nan), data.time_s[0] + 1.0
-        for step, (time_s, pose) in enumerate(zip(data.time_s.tolist(), data.pose, strict=True)):
-            log.append(
-                "step",
-                time_s=time_s,
-                pose=pose,
-                true_pose=no_pose,
-                odometry=no_pose,
-                battery=np.nan,
-                command=no_pose[:2],
-                phase="field",
-                phase_target=0,
-            )
-            tracker.track(time_s, pose, pulses.take(slice(first[step], first[step + 1])))
-            if time_s >= due_s or 0 < step == data.time_s.size - 1:  # in the first step, `track` fits
-                tracker.refit(time_s)
-                # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
-                # hours is refitted only a few hundred times.
-                due_s = time_s + max(1.0, 0.02 * (time_s - data.time_s[0]))
-            progress(1.0 / data.time_s.size)
-    if pulses.n_pulses and not log.n_rows("bearing"):
-        n_clipped = np.count_nonzero(pulses.is_overdriven)
-        log.event(
-            "rejected",
-            f"all {pulses.n_pulses} pulses were rejected: {n_clipped} clipped, the others too weak for the noise "
-            "(deviations, volts?)",
-        )
-    tracker.finish(data.path.name, None, calibration)
-    if (n_used := log.n_rows("bearing")) and not log.column("association", "finding").any():
-        text = (
-            f"no finding explains any of {n_used} pulses: few poses, or wrong boresights, pattern or order of channels?"
-        )
-        log.event("note", text)
-    log.event("end", "survey over: all rows read", subject="all rows read")
-    return log
+    locator = FieldLocator(data, survey)
+    for note in data.notes:
+        locator.log.event("note", note)
+    locator.add(data, progress)
+    return locator.finish()
 
 
-def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions) -> dict[str, Any]:
+def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions, margin_m: float) -> dict[str, Any]:
     """Return the metadata of the survey."""
-    low, high = data.pose[:, :2].min(axis=0) - 10.0, data.pose[:, :2].max(axis=0) + 10.0  # shown around the poses
+    low, high = data.pose[:, :2].min(axis=0) - margin_m, data.pose[:, :2].max(axis=0) + margin_m
     return {
         "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
         "name": data.path.stem,
         "seed": None,
         "policy": None,
         "date": survey.date,
-        "field_data": {"file": data.path.name},
+        "field_data": {
+            "file": data.path.name,
+            "n_channels": data.n_recorded,
+            "channels": data.channels.tolist(),
+        },
         "n_elements": array.manifold.n_elements,
         "array": describe_array(array),
         "bounds_m": [low.tolist(), high.tolist()] if survey.yard_m is None else [[0.0, 0.0], survey.yard_m],

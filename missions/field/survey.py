@@ -40,6 +40,8 @@ class SurveyOptions:
         heading_std_deg: Standard deviation of their heading.
         pose_correlation_s: Correlation time of the errors of the poses.
         yard_m: Length of the yard along x and y from its corner at 0 0; findings outside are marked.
+        pose_topic: Topic of the poses in a recording of ROS 2.
+        pulse_topic: Topic of the pulses in it.
         date: Date of the survey, which `pdpatrol trend` sorts by. Default: today.
     """
 
@@ -57,6 +59,8 @@ class SurveyOptions:
     heading_std_deg: Annotated[Degrees, Field(ge=0)] = 0.5
     pose_correlation_s: Positive = 5.0
     yard_m: tuple[Positive, Positive] | None = None
+    pose_topic: Annotated[str, tyro.conf.arg(metavar="TOPIC")] = "/pose"
+    pulse_topic: Annotated[str, tyro.conf.arg(metavar="TOPIC")] = "/pulses"
     date: Annotated[Day, tyro.conf.arg(metavar="YYYY-MM-DD")] = field(
         default_factory=lambda: calendar_date.today().isoformat()
     )

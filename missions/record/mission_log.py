@@ -20,7 +20,7 @@ from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.events import EventKind
 
-SCHEMA = 7
+SCHEMA = 8
 
 TABLES: dict[str, dict[str, str]] = {
     "step": {
@@ -36,6 +36,7 @@ TABLES: dict[str, dict[str, str]] = {
     "pulse": {
         "step": "i8",
         "strengths_v": "(0,)f8",  # one value per element
+        "std_v": "(0,)f4",  # standard deviation of each strength by noise
         "mains_phase_rad": "f8",
         "is_clipped": "?",  # exceeded the ADC's full scale; not used for locating
         "is_used": "?",  # used for locating: not clipped, and with a direction
@@ -160,7 +161,7 @@ class MissionLog:
     def column(self, table: str, column: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
         """Return the rows from `start` up to `stop` of one column as an array, rows on the first axis."""
         dtype = np.dtype(TABLES[table][column])
-        shape = (self.meta["n_elements"],) if column == "strengths_v" else dtype.shape
+        shape = (self.meta["n_elements"],) if column in ("strengths_v", "std_v") else dtype.shape
         return np.array(self._rows[table][column][start:stop] or np.empty((0, *shape)), dtype=dtype.base)
 
     def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:

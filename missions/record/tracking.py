@@ -93,6 +93,7 @@ class Tracker:
             "pulse",
             step=np.full(pulses.n_pulses, self._log.last_step),
             strengths_v=pulses.strengths_v,
+            std_v=np.sqrt(pulses.variance_v2),
             mains_phase_rad=pulses.mains_phase_rad,
             is_clipped=is_clipped,
             is_used=is_used,

@@ -195,7 +195,9 @@ def _measure(path: Path, model: mujoco.MjModel) -> RobotDescription:
     needed_radps = needed_mps / robot.wheel_radius_m
     low, high = model.actuator_ctrlrange[actuators].T
     is_wide = (low <= -needed_radps) & (high >= needed_radps) | (model.actuator_ctrllimited[actuators] == 0)
-    spin_radps, steps = _spin(model, joints, actuators), LIDAR_PERIOD_S / model.opt.timestep
+    spin_radps, is_stable = _spin(model, joints, actuators)
+    is_fast = not is_stable or np.allclose(spin_radps, 1.0, atol=0.05)
+    steps = LIDAR_PERIOD_S / model.opt.timestep
     is_inside = 0.0 <= x <= robot.inner_radius_m + 1e-6 and abs(y) <= 1e-6 and 0.0 < z <= robot.height_m
     is_round = np.ptp(radius_m) <= TOLERANCE_M and np.abs(above_m).max() <= TOLERANCE_M
     is_centred = track_m > 0 and max(abs(middle_x), abs(middle_y)) <= TOLERANCE_M
@@ -213,7 +215,9 @@ def _measure(path: Path, model: mujoco.MjModel) -> RobotDescription:
         f"lidar: must have x from 0 to {robot.inner_radius_m:.3f}, within the hull, y 0, and z from the floor to "
         f"{robot.height_m:.2f}, got {x:g} {y:g} {z:g}": is_inside,
         'actuators: must take the speed of the wheel, <velocity> or <dcmotor input="vel">; in the air, the wheels turn '
-        f"at {spin_radps.round(3)} rad/s, 1 s after 1 rad/s was commanded": np.allclose(spin_radps, 1.0, atol=0.05),
+        f"at {spin_radps.round(3)} rad/s, 1 s after 1 rad/s was commanded": is_fast,
+        "actuators: the servos of the wheels must be stable, but in the air MuJoCo warns that they are not; lower the "
+        f"gain (kv), shorten the timestep of {model.opt.timestep:g} s, or add armature": is_stable,
         f"actuators: ctrlrange must hold {-needed_radps:.3g} to {needed_radps:.3g}, which max_speed and max_yaw_rate "
         f"need together, got {low.max():g} to {high.min():g}": is_wide.all(),
         f"option: timestep must be a whole fraction of {LIDAR_PERIOD_S} s, the time between two commands, got "
@@ -223,13 +227,18 @@ def _measure(path: Path, model: mujoco.MjModel) -> RobotDescription:
     return robot
 
 
-def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> FloatArray:
-    """Return the speeds of the wheels, lifted off the floor, 1 s after a command of 1 rad/s, shape (n_wheels,)."""
+def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> tuple[FloatArray, bool]:
+    """Command 1 rad/s for 1 s to the wheels, lifted off the floor.
+
+    Returns:
+        Their speeds at the end, shape (n_wheels,); and False if MuJoCo warned of an unstable simulation, in which it
+        starts again from speed 0.
+    """
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0.0
     data.ctrl[actuators] = 1.0
     mujoco.mj_step(model, data, nstep=round(1.0 / model.opt.timestep))
-    return data.qvel[model.jnt_dofadr[joints]]
+    return data.qvel[model.jnt_dofadr[joints]], not any(warning.number for warning in data.warning)
 
 
 def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:

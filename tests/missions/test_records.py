@@ -15,7 +15,8 @@ def log_of(n_steps: int) -> MissionLog:
     log = MissionLog({"n_elements": 6})
     for k in range(n_steps):
         append_step(log, 0.1 * k, np.full(3, k))
-        log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_clipped=False, is_used=True)
+        values = {"strengths_v": np.arange(6.0), "std_v": np.ones(6), "mains_phase_rad": 0.1}
+        log.append("pulse", step=k, is_clipped=False, is_used=True, **values)
     return log
 
 

@@ -99,8 +99,8 @@ def survey(
                     continue
                 pulse = log.n_rows("pulse")
                 log.append(
-                    "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=2 * np.pi * mains_hz * time_s,
-                    is_clipped=False, is_used=True,
+                    "pulse", step=k, strengths_v=strengths_v, std_v=np.full_like(strengths_v, NOISE_V),
+                    mains_phase_rad=2 * np.pi * mains_hz * time_s, is_clipped=False, is_used=True,
                 )  # fmt: skip
                 log.append(
                     "bearing", pulse=pulse, azimuth_rad=azimuth, bearing_rad=azimuth + pose[2],

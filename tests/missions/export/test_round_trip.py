@@ -1,0 +1,119 @@
+"""A survey that is exported as MCAP, or kept as rosbag2, comes back to the same findings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from dirmusic import InputFileError
+from dirmusic.angles import wrap
+from pdpatrol.missions.export.ros2_recording import write_ros2_recording
+from pdpatrol.missions.field.field_data import FieldData
+from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.field.ros2_bag import read_bag
+from pdpatrol.missions.field.survey import SurveyOptions
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from tests.missions.field.surveys import EXAMPLE, log_of_table
+
+HEADER, *ROWS = EXAMPLE.read_text(encoding="utf-8").splitlines()
+
+
+def assert_same_findings(expected: MissionLog, data: FieldData) -> None:
+    findings = make_report(expected, 0.0).findings
+    others = make_report(locate_field_data(data, SurveyOptions()), 0.0).findings
+    assert len(others) == len(findings) > 0
+    for one, other in zip(findings, others, strict=True):
+        np.testing.assert_allclose(other.position_m, one.position_m, atol=2e-3)
+        np.testing.assert_allclose(other.covariance_m2, one.covariance_m2, rtol=0.01, atol=1e-6)
+        assert (other.state, other.n_bearings) == (one.state, one.n_bearings)
+
+
+def write_bag(folder: Path, pulse_type: str, storage: StoragePlugin) -> None:
+    """Write the example as rosbag2: odometry halfway between the pulses, which have no stamp, as well as at them."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    zero = np.zeros(36)
+    with Writer(folder, version=8, storage_plugin=storage) as writer:
+        odom = writer.add_connection("/odom", "nav_msgs/msg/Odometry", typestore=store)
+        pulse = writer.add_connection("/strengths", pulse_type, typestore=store)
+
+        def vector(x: float = 0.0, y: float = 0.0) -> object:
+            return types["geometry_msgs/msg/Vector3"](x=x, y=y, z=0.0)
+
+        last_s = -1.0
+        for row in ROWS:
+            time_s, x, y, yaw_deg, *values = map(float, row.split(","))
+            time_ns = 1_700_000_000_000_000_000 + round(1e9 * time_s)
+            if time_s != last_s:
+                last_s, half_rad = time_s, 0.5 * np.radians(yaw_deg)
+                stamp = types["builtin_interfaces/msg/Time"](sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+                header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="map")
+                turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(half_rad), w=np.cos(half_rad))
+                place = types["geometry_msgs/msg/Point"](x=x, y=y, z=0.0)
+                pose = types["geometry_msgs/msg/Pose"](position=place, orientation=turn)
+                twist = types["geometry_msgs/msg/Twist"](linear=vector(), angular=vector())
+                message = types["nav_msgs/msg/Odometry"](
+                    header=header,
+                    child_frame_id="base_link",
+                    pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=zero),
+                    twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=zero),
+                )
+                writer.write(odom, time_ns, store.serialize_cdr(message, "nav_msgs/msg/Odometry"))
+            layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+            volts = types[pulse_type](layout=layout, data=np.array(values[:6]))
+            writer.write(pulse, time_ns, store.serialize_cdr(volts, pulse_type))
+
+
+def test_exported_survey_comes_back(tmp_path: Path) -> None:
+    """A channel without a signal is left out by both."""
+    dead = [",".join("0" if k == 6 else cell for k, cell in enumerate(row.split(","))) for row in ROWS]
+    for name, rows in (("sound", ROWS), ("dead", dead)):
+        (tmp_path / f"{name}.csv").write_text("\n".join([HEADER, *rows, ""]))
+        log = log_of_table(tmp_path / f"{name}.csv")
+        write_ros2_recording(log, tmp_path / f"{name}.mcap")
+        data = read_bag(tmp_path / f"{name}.mcap", SurveyOptions())
+        assert data.notes == (("channel 3 is zero throughout: left out",) if name == "dead" else ())
+        np.testing.assert_allclose(data.pulses.strengths_v, log.column("pulse", "strengths_v"), rtol=1e-12)
+        off = data.pose - log.column("step", "pose")
+        np.testing.assert_allclose(np.column_stack([off[:, :2], wrap(off[:, 2])]), 0.0, atol=1e-12)
+        assert_same_findings(log, data)
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_bags_of_standard_messages_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
+    write_bag(tmp_path / "bag", "std_msgs/msg/Float64MultiArray", storage)
+    options = SurveyOptions(pose_topic="/odom", pulse_topic="/strengths", noise_v=1e-3)
+    data = read_bag(tmp_path / "bag", options)
+    rows = np.array([[float(cell) for cell in row.split(",")] for row in ROWS])
+    np.testing.assert_allclose(data.pulses.strengths_v, rows[:, 4:10], rtol=1e-12)
+    off = data.pose[data.step] - np.column_stack([rows[:, 1:3], np.radians(rows[:, 3])])
+    np.testing.assert_allclose(np.column_stack([off[:, :2], wrap(off[:, 2])]), 0.0, atol=1e-9)
+    np.testing.assert_allclose(data.time_s[data.step], rows[:, 0] - rows[0, 0], atol=1e-6)
+
+
+def test_unusable_recording_is_one_line(tmp_path: Path) -> None:
+    log = log_of_table(EXAMPLE)
+    write_ros2_recording(log, tmp_path / "m.mcap")
+    with (tmp_path / "m.mcap").open("rb") as file:
+        assert "pdpatrol_msgs/msg/Pulse" in {schema.name for schema, _, _ in make_reader(file).iter_messages()}
+    data = (tmp_path / "m.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    (tmp_path / "text.mcap").write_text("not a recording")
+    (tmp_path / "empty").mkdir()
+    for name, options, message in (
+        ("cut.mcap", {}, "must be an MCAP file or a rosbag2 folder"),
+        ("text.mcap", {}, "must be an MCAP file or a rosbag2 folder"),
+        ("empty", {}, "must be an MCAP file or a rosbag2 folder"),
+        ("none.mcap", {}, "must be an MCAP file or a rosbag2 folder"),
+        ("m.mcap", {"pulse_topic": "/clicks"}, "/clicks: must have messages; --pose-topic and --pulse-topic"),
+        ("m.mcap", {"pulse_topic": "/scan", "pose_topic": "/yard"}, "/yard: "),
+    ):
+        with pytest.raises(InputFileError, match=message) as refused:
+            read_bag(tmp_path / name, SurveyOptions(**options))
+        (line,) = refused.value.faults
+        assert line.startswith(str(tmp_path / name))
+        assert len(line) < 400 and "\n" not in line  # noqa: PT018
