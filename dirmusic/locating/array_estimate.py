@@ -32,7 +32,6 @@ class ArrayEstimate:
         yaw_rad: Yaw of the mount relative to the robot: mean of the pointing errors, counter-clockwise.
         yaw_std_rad: Its standard deviation.
         pattern_error: Standard deviation of the pattern from that of the data sheet, relative to the largest gain.
-        unexplained_error: Relative standard deviation of a strength that no state explains, far from the source.
     """
 
     errors: EstimatedErrors
@@ -42,7 +41,6 @@ class ArrayEstimate:
     yaw_rad: float
     yaw_std_rad: float
     pattern_error: float
-    unexplained_error: float
 
     @classmethod
     def of_fit(cls, estimate: JointEstimate, n_pulses: int) -> Self:
@@ -58,7 +56,6 @@ class ArrayEstimate:
             yaw_rad=float(estimate.errors.state[pointing].mean()),
             yaw_std_rad=float(np.sqrt(estimate.errors.covariance[pointing, pointing].mean())),
             pattern_error=estimate.levels.pattern,
-            unexplained_error=estimate.levels.unexplained,
         )
 
     def contradictions(self) -> tuple[str, ...]:
