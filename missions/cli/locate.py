@@ -25,7 +25,7 @@ def locate(
 ) -> None:
     """Locate discharges in field data, and write the log, report and recording as for a mission.
 
-    The table has the columns time_s, x_m, y_m, yaw_deg (counter-clockwise from x) and, one pulse per row, strength_1 to
+    The table has the columns time_s, x_m, y_m, yaw_deg (see --heading) and, one pulse per row, strength_1 to
     strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file next to the table: .npz with
     waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
     .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg, the kind of discharge is classified.
@@ -40,7 +40,7 @@ def locate(
     stopwatch = Stopwatch()
     with output_folder(out_dir, table.stem) as folder:
         with err.status(f"Reading {table.name}"), stopwatch.on("reading"):
-            data = read_field_data(table, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9)
+            data = read_field_data(table, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9, heading=survey.heading)
         with progress_bar() as progress, stopwatch.on("locating"):
             bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
             log = locate_field_data(data, survey, lambda share: progress.advance(bar, share))

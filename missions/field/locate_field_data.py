@@ -25,6 +25,7 @@ from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.array import read_calibration
+from pdpatrol.missions.field.doubts import doubts
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.record.log_contents import describe_array
@@ -78,6 +79,7 @@ def locate_field_data(
         InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
     """
     array = array_model(data, survey)
+    manifold = array.manifold
     calibration = survey.calibration and read_calibration(survey.calibration)
     if calibration is not None:
         if mismatch := calibration.mismatch(array, None):
@@ -93,7 +95,7 @@ def locate_field_data(
     tracker = Tracker(log, locator, array, pose_error, FIELD_RULES.max_std_rad)
     with threadpool_limits(limits=1):
         pulses, suspects = ChannelMonitor(array, maximum_likelihood).watch(data.pulses)
-        for note in data.notes:
+        for note in (*data.notes, *doubts(data, manifold, survey)):
             log.event("note", note)
         for suspect in suspects:  # numbered as in the files, including the dead channels
             recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
