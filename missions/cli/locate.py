@@ -32,7 +32,7 @@ def locate(
 ) -> None:
     """Locate discharges in field data, and write the log, report and recording as for a mission.
 
-    The table has the columns time_s, x_m, y_m, yaw_deg (counter-clockwise from x) and, one pulse per row, strength_1 to
+    The table has the columns time_s, x_m, y_m, yaw_deg (see --heading) and, one pulse per row, strength_1 to
     strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file next to the table: .npz with
     waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
     .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg, the kind of discharge is classified.
@@ -82,4 +82,4 @@ def _read(path: Path, survey: SurveyOptions) -> FieldData:
         from pdpatrol.missions.field.ros2_bag import read_bag  # rosbags is optional
 
         return read_bag(path, survey)
-    return read_field_data(path, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9)
+    return read_field_data(path, noise_v=survey.noise_v, gate_s=survey.gate_ns * 1e-9, heading=survey.heading)

@@ -8,6 +8,7 @@ import numpy as np
 from dirmusic import InputFileError, PulseBatch
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.field.input_table import InputTable, read_table
+from pdpatrol.missions.field.survey import HEADINGS, Heading
 from pdpatrol.missions.field.waveform_files import MAX_VOLTS, TablePulses, read_waveforms
 
 MIN_CHANNELS, MAX_CHANNELS = 3, 32
@@ -49,7 +50,9 @@ class FieldData:
     notes: tuple[str, ...] = ()
 
 
-def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float = 4.5e-9) -> FieldData:
+def read_field_data(
+    path: Path, *, noise_v: float | None = None, gate_s: float = 4.5e-9, heading: Heading = "counterclockwise"
+) -> FieldData:
     """Read a table with the columns time_s, x_m, y_m, yaw_deg and the pulses received there.
 
     Pulses are either `strength_1` to `strength_n` in volts, one pulse per row, with standard deviations `std_1` to
@@ -63,13 +66,14 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
             has deviations, or where waveforms contain noise outside the gate.
         gate_s: Length of the gate, which is cut out of a waveform where its energy is largest; the default is for a
             pulse of 2.5 ns and a ring of 0.2 m.
+        heading: Convention of the angles in yaw_deg.
 
     Raises:
         InputFileError: If the table or a waveform file is invalid; the message names file and line.
     """
     table = read_table(path)
     check_columns(table)
-    poses, phase_rad, pulses = survey_rows(table, noise_v, gate_s)
+    poses, phase_rad, pulses = survey_rows(table, noise_v, gate_s, heading)
     time_s = poses[:, 0]
     for row in np.flatnonzero(np.diff(time_s) < 0):
         text = f"time_s must not decrease: {time_s[row]:g} is followed by {time_s[row + 1]:g}"
@@ -98,7 +102,6 @@ def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: Table
         raise InputFileError([f"{path}: {must}, got {is_alive.sum()}"])
     is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
     steps, step_of_row, notes = steps_of(poses, MAX_STEPS)
-    notes += doubts(steps[:, 1:])
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
         notes.append(f"{np.sum(~is_complete)} pulses with a channel of zeros: left out")
@@ -116,7 +119,9 @@ def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: Table
     )
 
 
-def survey_rows(table: InputTable, noise_v: float | None, gate_s: float) -> tuple[FloatArray, FloatArray, TablePulses]:
+def survey_rows(
+    table: InputTable, noise_v: float | None, gate_s: float, heading: Heading = "counterclockwise"
+) -> tuple[FloatArray, FloatArray, TablePulses]:
     """Check and convert the cells of a table; see `read_field_data` for the arguments.
 
     Returns:
@@ -129,8 +134,8 @@ def survey_rows(table: InputTable, noise_v: float | None, gate_s: float) -> tupl
     poses = np.hstack(
         [
             table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
-            table.numbers(-1e5, 1e5, "x_m", "y_m"),
-            np.radians(table.numbers(-720, 720, "yaw_deg")),
+            table.numbers(-1e6, 1e6, "x_m", "y_m"),  # a site of 1 km in millimetres is read, and doubted
+            np.radians(HEADINGS[heading].yaw_deg(table.numbers(-720, 720, "yaw_deg"))),
         ]
     )
     phase_rad = np.full(len(poses), np.nan)
@@ -168,24 +173,6 @@ def _changes(rows: FloatArray) -> BoolArray:
     return np.append(True, np.any(np.diff(rows, axis=0) != 0, axis=-1))
 
 
-def doubts(pose: FloatArray) -> list[str]:
-    """Return notes on values that are probably in the wrong unit; the data are used nevertheless.
-
-    Args:
-        pose: x m, y m, yaw rad as read, shape (n, 3).
-    """
-    notes: list[str] = []
-    yaw_deg, size_m = np.degrees(pose[:, 2]), np.ptp(pose[:, :2], axis=0).max()
-    turns = np.ptp(yaw_deg) > 2.0 and np.unique(yaw_deg).size >= 4
-    if turns and np.abs(yaw_deg).max() <= 2 * np.pi:
-        notes.append(
-            f"yaw_deg: {yaw_deg.min():.3g} to {yaw_deg.max():.3g} in all rows looks like radians; read as degrees"
-        )
-    if size_m > 1000.0:  # wider than any site
-        notes.append(f"x_m, y_m: a site of {size_m:.0f} m looks like millimetres; read as metres")
-    return notes
-
-
 def check_columns(table: InputTable) -> None:
     """Check the names of the columns.
 
@@ -214,6 +201,10 @@ def strength_columns(table: InputTable) -> tuple[list[str], list[str]]:
 
 def _read_strengths(table: InputTable, noise_v: float | None) -> TablePulses:
     strengths, deviations = strength_columns(table)
+    lowest = min(float(np.nanmin(table.columns[name], initial=0.0)) for name in strengths)
+    if lowest < 0.0:
+        text = f"must be volts, not decibels, got {lowest:g}; convert decibels by 10^(dB / 20)"
+        raise InputFileError([f"{table.path}: {strengths[0]} to {strengths[-1]} {text}"])
     strengths_v = table.numbers(0, MAX_VOLTS, *strengths)
     if deviations:
         std_v = table.numbers(MIN_STRENGTH_V, MAX_VOLTS, *deviations)

@@ -70,7 +70,7 @@ class SurveyFollower:
             self._locate(table)
 
     def _locate(self, table: InputTable) -> None:
-        poses, phase_rad, pulses = survey_rows(table, self._survey.noise_v, 0.0)
+        poses, phase_rad, pulses = survey_rows(table, self._survey.noise_v, 0.0, self._survey.heading)
         steps, step, _ = steps_of(poses, 0)
         n_channels = len(strength_columns(table)[0])
         data = FieldData(

@@ -29,6 +29,7 @@ from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.array import read_calibration
+from pdpatrol.missions.field.doubts import doubts
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.record.log_contents import describe_array
@@ -83,6 +84,7 @@ class FieldLocator:
 
     Attributes:
         log: Log of a mission without robot, yard and truth.
+        data_sheet: Gains of the live channels as in the data sheet, without the calibration.
 
     Raises:
         InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
@@ -90,6 +92,7 @@ class FieldLocator:
 
     def __init__(self, data: FieldData, survey: SurveyOptions, margin_m: float = 10.0) -> None:
         array = array_model(data, survey)
+        self.data_sheet = array.manifold
         self._calibration = survey.calibration and read_calibration(survey.calibration)
         if self._calibration is not None:
             if mismatch := self._calibration.mismatch(array, None):
@@ -195,7 +198,7 @@ def locate_field_data(
         InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
     """
     locator = FieldLocator(data, survey)
-    for note in data.notes:
+    for note in (*data.notes, *doubts(data, locator.data_sheet, survey)):
         locator.log.event("note", note)
     locator.add(data, progress)
     return locator.finish()

@@ -3,11 +3,12 @@
 from dataclasses import dataclass, field
 from datetime import date as calendar_date
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, NamedTuple
 
 import tyro
 from pydantic import Field
 
+from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import Day
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -15,12 +16,41 @@ Metres = Annotated[float, Field(ge=0, le=100)]
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e6)]
 
+Heading = Literal["counterclockwise", "compass", "clockwise"]
+
+
+class HeadingConvention(NamedTuple):
+    """Convention of the angles in the column yaw_deg.
+
+    Attributes:
+        sign: 1 if they increase counter-clockwise, seen from above; -1 if clockwise.
+        zero_deg: Direction of zero, counter-clockwise from the x axis.
+        text: Description.
+    """
+
+    sign: float
+    zero_deg: float
+    text: str
+
+    def yaw_deg(self, angle_deg: FloatArray) -> FloatArray:
+        """Convert angles as written to angles counter-clockwise from the x axis; the conversion is its own inverse."""
+        return self.zero_deg + self.sign * angle_deg
+
+
+HEADINGS: dict[Heading, HeadingConvention] = {
+    "counterclockwise": HeadingConvention(1.0, 0.0, "angles counter-clockwise from the x axis"),
+    "compass": HeadingConvention(-1.0, 90.0, "compass headings, clockwise from the y axis (north)"),
+    "clockwise": HeadingConvention(-1.0, 0.0, "angles clockwise from the x axis"),
+}
+
 
 @dataclass(frozen=True)
 class SurveyOptions:
     """Array and receiver of the survey, its pose errors, yard and date.
 
     Attributes:
+        heading: What yaw_deg holds: angles counter-clockwise or clockwise from the x axis, or compass headings,
+            clockwise from the y axis, which then points north.
         pattern: Measured pattern of one element: a CSV table with angle_deg and gain or gain_db, over frequency_hz if
             need be, or an MSI Planet file. Default: eq. (1) of the Dir-MUSIC paper.
         boresights_deg: Azimuth of each channel's element, counter-clockwise from straight ahead. Default: a ring of
@@ -45,6 +75,7 @@ class SurveyOptions:
         date: Date of the survey, which `pdpatrol trend` sorts by. Default: today.
     """
 
+    heading: Heading = "counterclockwise"
     pattern: Path | None = None
     boresights_deg: tuple[Degrees, ...] | None = None
     ring_radius_m: Metres = 0.12

@@ -149,16 +149,6 @@ def test_mains_phase_is_periodic(tmp_path: Path) -> None:
     assert np.allclose(data.pulses.mains_phase_rad, [1.5 * np.pi, 1.5 * np.pi, 0.0, 0.0])
 
 
-@pytest.mark.parametrize(
-    ("column", "factor", "message"),
-    [("yaw_deg", np.pi / 180, "looks like radians"), ("x_m", 1000.0, "looks like millimetres")],
-)
-def test_other_units_are_noted(tmp_path: Path, column: str, factor: float, message: str) -> None:
-    assert read_field_data(EXAMPLE).notes == ()
-    (note,) = read_field_data(with_column(tmp_path / "t.csv", column, lambda _, value: factor * value)).notes
-    assert message in note
-
-
 def test_rejected_and_unexplained_pulses_are_noted(tmp_path: Path) -> None:
     """Pulses are too weak for a noise of 1 V; with swapped boresights no finding explains them."""
     without_noise = [",".join(line.split(",")[:10]) for line in TEXT.splitlines()]

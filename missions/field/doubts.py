@@ -1,0 +1,259 @@
+"""Doubts about units and conventions: usual mistakes in a table that would explain why its pulses do not fit.
+
+Many pulses of a sound survey point at one place. If they do not as the survey is given, but would without one of the
+usual mistakes, that mistake is likely. A doubt is a note; it never changes the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from pyproj import Proj
+
+from dirmusic import GainManifold, TabulatedPattern
+from dirmusic.angles import azimuth_of, unit_vector, wrap
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, nearest_search_azimuth
+from dirmusic.arrays import FloatArray
+from dirmusic.locating.bearing_fit import START_RANGES_M
+from dirmusic.locating.locator import choose_evenly
+from pdpatrol.missions.field.field_data import FieldData
+from pdpatrol.missions.field.survey import HEADINGS, Heading, SurveyOptions
+
+DIRECTION_MISMATCH, LEAST_MISMATCH = 0.12, 0.24
+"""Sines of the angle between the strengths of a pulse and the expected ones, as vectors, at which a pulse counts as
+explained by 61 %: beyond the least angle in any direction, and of that least angle (assumed). Errors of an array cause
+0.07 to 0.1, and 10 degrees of azimuth cause 0.14. Elevations and reflections increase the least angle."""
+
+MAX_NOISE = 0.15
+"""Largest noise of a pulse that is used, relative to its strength (assumed)."""
+
+MAX_PULSES, MAX_LINES = 80, 16
+"""Numbers of pulses that are compared, and of those on whose lines of sight places are tried (assumed)."""
+
+LEAST_STEPS = 6
+"""Number of poses below which no mistake is doubted: any few lines of sight nearly cross somewhere (assumed)."""
+
+GIVEN_SHARE, FITTED_SHARE, LEAST_GAIN = 0.75, 0.6, 0.2
+"""Share of the pulses that are explained as given, up to which a mistake is possible; share without the mistake, from
+which on it is likely; and least difference of both. Measured on random surveys, see `tests/missions/field`."""
+
+TIE = 0.03
+"""Difference of shares up to which two mistakes are equally likely (assumed)."""
+
+TURN_STEP_DEG, LEAST_TURN_DEG = 10, 20
+"""Step and smallest angle of the turns of the array that are tried; the Locator estimates smaller ones."""
+
+LEAST_DECIBELS, MOST_DECIBELS = 2.0, 300.0
+"""Median of strengths from which on, and largest strength up to which, they may be decibels (assumed). Receivers
+measure less than two volts."""
+
+MAX_SITE_DEG = 0.1
+"""Size of a site in degrees, up to which its positions may be degrees: 11 km (assumed)."""
+
+REFINED = (0.08, 0.03)
+"""Steps of the grid around a place by which it is refined, relative to its range."""
+
+SQUARE = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).reshape(-1, 2)
+"""Grid around a place, shape (49, 2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """Survey as somebody may have meant it; n rows, one for each pulse.
+
+    Attributes:
+        place_m: Position of the array, shape (n, 2).
+        angle_deg: Heading as written in the table, shape (n,).
+        heading: Convention of that angle.
+        turn_rad: Turn of the array on its mount, counter-clockwise.
+        strengths_v: Shape (n, n_channels).
+        weight: Weights of the pulses, with the sum 1, shape (n,).
+        manifold: Gains of the array.
+    """
+
+    place_m: FloatArray
+    angle_deg: FloatArray
+    heading: Heading
+    turn_rad: float = 0.0
+    strengths_v: FloatArray
+    weight: FloatArray
+    manifold: GainManifold
+
+    @property
+    def yaw_rad(self) -> FloatArray:
+        """Direction of the array's x axis, counter-clockwise from the x axis of the world, shape (n,)."""
+        return np.radians(HEADINGS[self.heading].yaw_deg(self.angle_deg)) + self.turn_rad
+
+    def explained(self) -> float:
+        """Return the share of the pulses that point at the place where most lines of sight cross, in [0, 1]."""
+        unit = self.strengths_v / np.linalg.norm(self.strengths_v, axis=1, keepdims=True)
+        mismatch = 1.0 - np.square(unit @ self.manifold.search_unit_gain)
+        least = mismatch.min(axis=1, keepdims=True)
+        fit = np.exp(-0.5 * (mismatch - least) / DIRECTION_MISMATCH**2 - 0.5 * least / LEAST_MISMATCH**2)
+        lines = np.unique(np.linspace(0, len(fit) - 1, MAX_LINES).astype(int))
+        bearing_rad = SEARCH_AZIMUTHS_RAD[mismatch[lines].argmin(axis=1)] + self.yaw_rad[lines]
+        along_m = START_RANGES_M[:, np.newaxis, np.newaxis] * unit_vector(bearing_rad)
+        places_m = (self.place_m[lines] + along_m).reshape(-1, 2)
+        shares = self._fit_at(places_m, fit) @ self.weight
+        place_m, share = places_m[shares.argmax()], shares.max()
+        for step in REFINED:
+            range_m = np.median(np.linalg.norm(place_m - self.place_m, axis=1))
+            near_m = place_m + step * range_m * SQUARE
+            shares = self._fit_at(near_m, fit) @ self.weight
+            place_m, share = near_m[shares.argmax()], shares.max()
+        return float(share)
+
+    def _fit_at(self, places_m: FloatArray, fit: FloatArray) -> FloatArray:
+        """Return how well each pulse fits a source at each place, in [0, 1], shape (n_places, n).
+
+        Args:
+            places_m: Shape (n_places, 2).
+            fit: How well each pulse fits each search azimuth, shape (n, n_azimuths).
+        """
+        sight_m = places_m[:, np.newaxis] - self.place_m
+        azimuth = nearest_search_azimuth(azimuth_of(sight_m) - self.yaw_rad)
+        is_in_range = np.linalg.norm(sight_m, axis=-1) <= START_RANGES_M[-1]
+        return np.where(is_in_range, fit[np.arange(len(fit)), azimuth], 0.0)
+
+
+class Mistake(NamedTuple):
+    """Usual mistake, and the survey without it.
+
+    Attributes:
+        kind: Short name.
+        cause: What the survey may contain by mistake.
+        remedy: What corrects it.
+        corrected: The survey as meant.
+    """
+
+    kind: str
+    cause: str
+    remedy: str
+    corrected: Reading
+
+
+def doubts(data: FieldData, manifold: GainManifold, survey: SurveyOptions) -> list[str]:
+    """Return notes on mistakes that would explain why the pulses of a survey do not fit; usually none.
+
+    Args:
+        data: The survey.
+        manifold: Gains of the live channels according to the data sheet.
+        survey: Options by which the survey was read.
+    """
+    pulses = data.pulses
+    energy_v2 = np.square(pulses.strengths_v).sum(axis=1)
+    noise_v2 = pulses.variance_v2.sum(axis=1)
+    rows = choose_evenly(np.flatnonzero(noise_v2 <= MAX_NOISE**2 * energy_v2), MAX_PULSES)
+    _, number, count = np.unique(data.step[rows], return_inverse=True, return_counts=True)
+    if count.size < LEAST_STEPS:
+        return []
+    at = data.pose[data.step[rows]]
+    given = Reading(
+        place_m=at[:, :2],
+        angle_deg=HEADINGS[survey.heading].yaw_deg(np.degrees(at[:, 2])),
+        heading=survey.heading,
+        strengths_v=pulses.strengths_v[rows],
+        weight=1.0 / (count[number] * count.size),
+        manifold=manifold,
+    )
+    given_share = given.explained()
+    if given_share > GIVEN_SHARE:
+        return []
+    best = dict[str, tuple[float, Mistake]]()
+    mistakes = [*_of_headings(given), *_of_places(given), *_of_values(given)]
+    if data.channels.size == data.n_recorded:  # else the options would not match the channels
+        mistakes += _of_array(given)
+    for mistake in mistakes:
+        share = mistake.corrected.explained()
+        if share > best.get(mistake.kind, (0.0,))[0]:
+            best[mistake.kind] = share, mistake
+    most = max((share for share, _ in best.values()), default=0.0)
+    if most < max(FITTED_SHARE, given_share + LEAST_GAIN):
+        return []
+    likely = sorted((each for each in best.values() if each[0] >= most - TIE), key=lambda each: -each[0])
+    return [
+        f"{mistake.cause}: then {100 * share:.0f} % of the pulses point at one place, as given "
+        f"{100 * given_share:.0f} %; if so, {mistake.remedy}"
+        for share, mistake in likely
+    ]
+
+
+def _of_headings(given: Reading) -> Iterator[Mistake]:
+    """Yield mistakes in the column yaw_deg."""
+    for name, convention in HEADINGS.items():
+        if name != given.heading:
+            yield Mistake(
+                name, f"yaw_deg may hold {convention.text}", f"use --heading {name}", replace(given, heading=name)
+            )
+    if 0.0 < np.abs(given.angle_deg).max() <= 2 * np.pi:
+        meant = replace(given, angle_deg=np.degrees(given.angle_deg))
+        yield Mistake("radians", "yaw_deg may hold radians", "convert it to degrees", meant)
+
+
+def _of_places(given: Reading) -> Iterator[Mistake]:
+    """Yield mistakes in the columns x_m and y_m."""
+    low_m, high_m = given.place_m.min(axis=0), given.place_m.max(axis=0)
+    size_m = (high_m - low_m).max()
+    if size_m > START_RANGES_M[-1]:
+        meant = replace(given, place_m=1e-3 * given.place_m)
+        yield Mistake("millimetres", "x_m and y_m may be millimetres", "convert them to metres", meant)
+    for axis, text in enumerate(("longitude and latitude", "latitude and longitude")):
+        longitude_deg, latitude_deg = given.place_m[:, axis], given.place_m[:, 1 - axis]
+        if 0.0 < size_m <= MAX_SITE_DEG and np.abs(latitude_deg).max() <= 85.0 and np.abs(longitude_deg).max() <= 180.0:
+            ground = Proj(proj="aeqd", lat_0=latitude_deg[0], lon_0=longitude_deg[0], ellps="WGS84")
+            place_m = np.stack(ground(longitude_deg, latitude_deg), axis=-1)
+            text = f"x_m and y_m may be {text} in degrees"
+            yield Mistake("degrees", text, "convert them to metres east and north", replace(given, place_m=place_m))
+
+
+def _of_values(given: Reading) -> Iterator[Mistake]:
+    """Yield mistakes in the strengths, and in the gains of a pattern from a file."""
+    strengths_v = given.strengths_v
+    if np.median(strengths_v) >= LEAST_DECIBELS and strengths_v.max() <= MOST_DECIBELS:
+        volts = 10 ** ((strengths_v - strengths_v.max()) / 20)
+        yield Mistake(
+            "decibels",
+            "strengths may be decibels instead of volts",
+            "convert them by 10^(dB / 20)",
+            replace(given, strengths_v=volts),
+        )
+    pattern = given.manifold.pattern
+    if isinstance(pattern, TabulatedPattern):
+        upright = TabulatedPattern(pattern.off_boresight_rad, 1.0 / pattern.table_gain)
+        yield Mistake(
+            "pattern upside down",
+            "--pattern may state attenuation as gain",
+            "change the sign of its decibels",
+            replace(given, manifold=GainManifold(upright, given.manifold.boresights_rad)),
+        )
+
+
+def _of_array(given: Reading) -> Iterator[Mistake]:
+    """Yield mistakes in the order of the channels, and turns of the array, of its pattern or of its elements."""
+    n = given.manifold.n_elements
+    boresights_deg = np.degrees(given.manifold.boresights_rad)
+    for kind, order in (("order reversed", np.arange(n)[::-1]), ("order rotated", np.arange(n))):
+        for shift in range(n):
+            chosen = np.roll(order, shift)
+            if not np.array_equal(chosen, np.arange(n)):
+                yield Mistake(
+                    kind,
+                    f"channels may be in another order: {' '.join(map(str, chosen + 1))}",
+                    f"use --boresights-deg {_in_words(boresights_deg[chosen])}",
+                    replace(given, manifold=given.manifold.take(chosen)),
+                )
+    for turn_deg in range(LEAST_TURN_DEG, 361 - LEAST_TURN_DEG, TURN_STEP_DEG):
+        yield Mistake(
+            "turned",
+            f"the array, or the zero of its pattern, may be turned by about {_in_words(np.array([turn_deg]))} degrees",
+            f"use --boresights-deg {_in_words(boresights_deg + turn_deg)}",
+            replace(given, turn_rad=np.radians(turn_deg)),
+        )
+
+
+def _in_words(angles_deg: FloatArray) -> str:
+    """Return angles in (-180, 180], separated by spaces."""
+    return " ".join(f"{np.degrees(wrap(np.radians(angle_deg))):.0f}" for angle_deg in angles_deg)
