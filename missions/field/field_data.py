@@ -8,7 +8,8 @@ import numpy as np
 from dirmusic import InputFileError, PulseBatch
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.field.input_table import InputTable, read_table
-from pdpatrol.missions.field.waveform_files import MAX_VOLTS, TablePulses, read_waveforms
+from pdpatrol.missions.field.instruments.record import MAX_VOLTS
+from pdpatrol.missions.field.waveform_files import TablePulses, read_waveforms
 
 MIN_CHANNELS, MAX_CHANNELS = 3, 32
 """Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
@@ -53,22 +54,22 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     """Read a table with the columns time_s, x_m, y_m, yaw_deg and the pulses received there.
 
     Pulses are either `strength_1` to `strength_n` in volts, one pulse per row, with standard deviations `std_1` to
-    `std_n` where they are known; or `waveform`, the name of a file in the folder of the table (see `waveform_files`).
-    A channel that is zero throughout is omitted, with a note. The column `mains_phase_deg`, from which the kind of
-    discharge is classified, needs one pulse per row.
+    `std_n` where they are known; or `waveform`, the name of a file of an instrument in the folder of the table, or
+    `waveform_1` to `waveform_n` for one file per channel (see `instruments`). All pulses of a file are found; the
+    column `segment` selects one segment of it, from 1. A channel that is zero throughout is omitted, with a note. With
+    the column `mains_phase_deg`, the kind of discharge is classified.
 
     Args:
         path: The table.
         noise_v: Standard deviation of a strength, or of a noise sample of a waveform, volts. Not needed where the table
             has deviations, or where waveforms contain noise outside the gate.
-        gate_s: Length of the gate, which is cut out of a waveform where its energy is largest; the default is for a
-            pulse of 2.5 ns and a ring of 0.2 m.
+        gate_s: Length of the gate of a pulse; the default is for a pulse of 2.5 ns and a ring of 0.2 m.
 
     Raises:
         InputFileError: If the table or a waveform file is invalid; the message names file and line.
     """
     table = read_table(path)
-    strengths, deviations = _check_columns(table)
+    strengths, deviations, waveforms = _check_columns(table)
     poses = np.hstack(
         [
             table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
@@ -86,27 +87,27 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     if strengths:
         pulses = _read_strengths(table, strengths, deviations, noise_v)
     else:
-        pulses = read_waveforms(table, noise_v, gate_s)
-    if np.isfinite(phase_rad).any() and pulses.row.size > time_s.size:
-        raise InputFileError([f"{path}: mains_phase_deg needs one pulse per row, and a waveform file holds several"])
+        pulses = read_waveforms(table, waveforms, noise_v, gate_s)
     is_alive = np.any(np.nan_to_num(pulses.strengths_v) > 0, axis=0)
     if not MIN_CHANNELS <= is_alive.sum() <= MAX_CHANNELS:
         must = f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels with a signal"
         raise InputFileError([f"{path}: {must}, got {is_alive.sum()}"])
     is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
     steps, step_of_row, notes = _steps(poses)
+    notes += pulses.notes
     notes += doubts(steps[:, 1:])
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
         notes.append(f"{np.sum(~is_complete)} pulses with a channel of zeros: left out")
     row, used = pulses.row[is_complete], np.ix_(is_complete, is_alive)
     step = step_of_row[row]
+    batch = PulseBatch.detected(steps[step, 0], pulses.strengths_v[used], pulses.variance_v2[used], phase_rad[row])
     return FieldData(
         path=path,
         time_s=steps[:, 0],
         pose=steps[:, 1:],
         step=step,
-        pulses=PulseBatch.detected(steps[step, 0], pulses.strengths_v[used], pulses.variance_v2[used], phase_rad[row]),
+        pulses=batch._replace(is_clipped=pulses.is_clipped[used]),
         channels=np.flatnonzero(is_alive),
         n_recorded=is_alive.size,
         notes=tuple(notes),
@@ -156,28 +157,36 @@ def doubts(pose: FloatArray) -> list[str]:
     return notes
 
 
-def _check_columns(table: InputTable) -> tuple[list[str], list[str]]:
-    """Check the names of the columns; return those of strengths, and those of their deviations."""
-    n, n_std = (sum(name.startswith(kind) for name in table.columns) for kind in ("strength_", "std_"))
-    strengths, deviations = ([f"{kind}_{k + 1}" for k in range(n)] for kind in ("strength", "std"))
-    if not n_std:
-        deviations = []
-    needed = ["time_s", "x_m", "y_m", "yaw_deg", *(strengths or ["waveform"]), *deviations]
+def _check_columns(table: InputTable) -> tuple[list[str], list[str], list[str]]:
+    """Check the names of the columns; return those of strengths, of their deviations, and of waveform files."""
+    kinds = ("strength", "std", "waveform")
+    counts = [sum(name.startswith(f"{kind}_") for name in table.columns) for kind in kinds]
+    strengths, deviations, waveforms = (
+        [f"{kind}_{k + 1}" for k in range(n)] for kind, n in zip(kinds, counts, strict=True)
+    )
+    waveforms = [] if strengths else waveforms or ["waveform"]
+    needed = ["time_s", "x_m", "y_m", "yaw_deg", *strengths, *deviations, *waveforms]
+    optional = ["mains_phase_deg", *(["segment"] if waveforms else [])]
     missing = [name for name in needed if name not in table.columns]
-    unknown = [name for name in table.columns if name not in (*needed, "mains_phase_deg")]
+    unknown = [name for name in table.columns if name not in (*needed, *optional)]
     for kind, names in (("missing", missing), ("unknown", unknown)):
         if names:
             table.errors.append(
                 f"{table.path}: column {', '.join(names):.200} is {kind}; columns are time_s, x_m, y_m, yaw_deg, "
-                "either waveform or strength_1, strength_2 ... and std_1, std_2 ..., and mains_phase_deg"
+                "either waveform (or waveform_1, waveform_2 ...) and segment, or strength_1, strength_2 ... and std_1, "
+                "std_2 ..., and mains_phase_deg"
             )
     table.check()
-    return strengths, deviations
+    return strengths, deviations, waveforms
 
 
 def _read_strengths(
     table: InputTable, strengths: list[str], deviations: list[str], noise_v: float | None
 ) -> TablePulses:
+    levels = np.column_stack([table.columns[name] for name in strengths])
+    if np.mean(levels < 0) > 0.5:
+        text = f"strengths must be in volts, not in decibels: most are negative, such as {levels[levels < 0][0]:g}"
+        raise InputFileError([f"{table.path}: {text}"])
     strengths_v = table.numbers(0, MAX_VOLTS, *strengths)
     if deviations:
         std_v = table.numbers(MIN_STRENGTH_V, MAX_VOLTS, *deviations)
@@ -188,4 +197,6 @@ def _read_strengths(
         raise InputFileError([f"{table.path}: {text}"])
     table.check()
     strengths_v[strengths_v < MIN_STRENGTH_V] = 0.0
-    return TablePulses(np.arange(len(strengths_v)), strengths_v, np.square(std_v))
+    return TablePulses(
+        np.arange(len(strengths_v)), strengths_v, np.square(std_v), np.zeros(strengths_v.shape, np.bool_)
+    )
