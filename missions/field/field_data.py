@@ -8,8 +8,9 @@ import numpy as np
 from dirmusic import InputFileError, PulseBatch
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.missions.field.input_table import InputTable, read_table
+from pdpatrol.missions.field.instruments.record import MAX_VOLTS
 from pdpatrol.missions.field.survey import HEADINGS, Heading
-from pdpatrol.missions.field.waveform_files import MAX_VOLTS, TablePulses, read_waveforms
+from pdpatrol.missions.field.waveform_files import TablePulses, read_waveforms
 
 MIN_CHANNELS, MAX_CHANNELS = 3, 32
 """Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
@@ -56,16 +57,16 @@ def read_field_data(
     """Read a table with the columns time_s, x_m, y_m, yaw_deg and the pulses received there.
 
     Pulses are either `strength_1` to `strength_n` in volts, one pulse per row, with standard deviations `std_1` to
-    `std_n` where they are known; or `waveform`, the name of a file in the folder of the table (see `waveform_files`).
-    A channel that is zero throughout is omitted, with a note. The column `mains_phase_deg`, from which the kind of
-    discharge is classified, needs one pulse per row.
+    `std_n` where they are known; or `waveform`, the name of a file of an instrument in the folder of the table, or
+    `waveform_1` to `waveform_n` for one file per channel (see `instruments`). All pulses of a file are found; the
+    column `segment` selects one segment of it, from 1. A channel that is zero throughout is omitted, with a note. With
+    the column `mains_phase_deg`, the kind of discharge is classified.
 
     Args:
         path: The table.
         noise_v: Standard deviation of a strength, or of a noise sample of a waveform, volts. Not needed where the table
             has deviations, or where waveforms contain noise outside the gate.
-        gate_s: Length of the gate, which is cut out of a waveform where its energy is largest; the default is for a
-            pulse of 2.5 ns and a ring of 0.2 m.
+        gate_s: Length of the gate of a pulse; the default is for a pulse of 2.5 ns and a ring of 0.2 m.
         heading: Convention of the angles in yaw_deg.
 
     Raises:
@@ -79,8 +80,6 @@ def read_field_data(
         text = f"time_s must not decrease: {time_s[row]:g} is followed by {time_s[row + 1]:g}"
         table.errors.append(f"{path}: line {table.lines[row + 1]}: {text}")
     table.check()
-    if np.isfinite(phase_rad).any() and pulses.row.size > time_s.size:
-        raise InputFileError([f"{path}: mains_phase_deg needs one pulse per row, and a waveform file holds several"])
     return assemble(path, poses, phase_rad, pulses)
 
 
@@ -102,17 +101,19 @@ def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: Table
         raise InputFileError([f"{path}: {must}, got {is_alive.sum()}"])
     is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
     steps, step_of_row, notes = steps_of(poses, MAX_STEPS)
+    notes += pulses.notes
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
         notes.append(f"{np.sum(~is_complete)} pulses with a channel of zeros: left out")
     row, used = pulses.row[is_complete], np.ix_(is_complete, is_alive)
     step = step_of_row[row]
+    batch = PulseBatch.detected(steps[step, 0], pulses.strengths_v[used], pulses.variance_v2[used], phase_rad[row])
     return FieldData(
         path=path,
         time_s=steps[:, 0],
         pose=steps[:, 1:],
         step=step,
-        pulses=PulseBatch.detected(steps[step, 0], pulses.strengths_v[used], pulses.variance_v2[used], phase_rad[row]),
+        pulses=batch._replace(is_clipped=pulses.is_clipped[used]),
         channels=np.flatnonzero(is_alive),
         n_recorded=is_alive.size,
         notes=tuple(notes),
@@ -142,8 +143,8 @@ def survey_rows(
     if "mains_phase_deg" in table.columns:
         phase_rad = np.radians(table.numbers(-360, 360, "mains_phase_deg")[:, 0]) % (2 * np.pi)
     table.check()
-    if "waveform" in table.columns:
-        return poses, phase_rad, read_waveforms(table, noise_v, gate_s)
+    if waveforms := waveform_columns(table):
+        return poses, phase_rad, read_waveforms(table, waveforms, noise_v, gate_s)
     return poses, phase_rad, _read_strengths(table, noise_v)
 
 
@@ -179,32 +180,42 @@ def check_columns(table: InputTable) -> None:
     Raises:
         InputFileError: If a column is missing or unknown.
     """
-    strengths, deviations = strength_columns(table)
-    needed = ["time_s", "x_m", "y_m", "yaw_deg", *(strengths or ["waveform"]), *deviations]
+    (strengths, deviations), waveforms = strength_columns(table), waveform_columns(table)
+    needed = ["time_s", "x_m", "y_m", "yaw_deg", *strengths, *deviations, *waveforms]
+    optional = ["mains_phase_deg", *(["segment"] if waveforms else [])]
     missing = [name for name in needed if name not in table.columns]
-    unknown = [name for name in table.columns if name not in (*needed, "mains_phase_deg")]
+    unknown = [name for name in table.columns if name not in (*needed, *optional)]
     for kind, names in (("missing", missing), ("unknown", unknown)):
         if names:
             table.errors.append(
                 f"{table.path}: column {', '.join(names):.200} is {kind}; columns are time_s, x_m, y_m, yaw_deg, "
-                "either waveform or strength_1, strength_2 ... and std_1, std_2 ..., and mains_phase_deg"
+                "either waveform (or waveform_1, waveform_2 ...) and segment, or strength_1, strength_2 ... and std_1, "
+                "std_2 ..., and mains_phase_deg"
             )
     table.check()
 
 
+def _numbered(table: InputTable, kind: str) -> list[str]:
+    """Return the names kind_1, kind_2 ... that the columns of a kind must have."""
+    return [f"{kind}_{k + 1}" for k in range(sum(name.startswith(f"{kind}_") for name in table.columns))]
+
+
 def strength_columns(table: InputTable) -> tuple[list[str], list[str]]:
     """Return the names that the columns of strengths, and of their deviations if there are any, must have."""
-    n, n_std = (sum(name.startswith(kind) for name in table.columns) for kind in ("strength_", "std_"))
-    strengths, deviations = ([f"{kind}_{k + 1}" for k in range(n)] for kind in ("strength", "std"))
-    return strengths, deviations if n_std else []
+    return _numbered(table, "strength"), _numbered(table, "std")
+
+
+def waveform_columns(table: InputTable) -> list[str]:
+    """Return the names that the columns of waveform files must have; none if the table has strengths."""
+    return [] if _numbered(table, "strength") else _numbered(table, "waveform") or ["waveform"]
 
 
 def _read_strengths(table: InputTable, noise_v: float | None) -> TablePulses:
     strengths, deviations = strength_columns(table)
-    lowest = min(float(np.nanmin(table.columns[name], initial=0.0)) for name in strengths)
-    if lowest < 0.0:
-        text = f"must be volts, not decibels, got {lowest:g}; convert decibels by 10^(dB / 20)"
-        raise InputFileError([f"{table.path}: {strengths[0]} to {strengths[-1]} {text}"])
+    levels = np.column_stack([table.columns[name] for name in strengths])
+    if np.mean(levels < 0) > 0.5:
+        text = f"strengths must be in volts, not in decibels: most are negative, such as {levels[levels < 0][0]:g}"
+        raise InputFileError([f"{table.path}: {text}"])
     strengths_v = table.numbers(0, MAX_VOLTS, *strengths)
     if deviations:
         std_v = table.numbers(MIN_STRENGTH_V, MAX_VOLTS, *deviations)
@@ -215,4 +226,6 @@ def _read_strengths(table: InputTable, noise_v: float | None) -> TablePulses:
         raise InputFileError([f"{table.path}: {text}"])
     table.check()
     strengths_v[strengths_v < MIN_STRENGTH_V] = 0.0
-    return TablePulses(np.arange(len(strengths_v)), strengths_v, np.square(std_v))
+    return TablePulses(
+        np.arange(len(strengths_v)), strengths_v, np.square(std_v), np.zeros(strengths_v.shape, np.bool_)
+    )

@@ -24,7 +24,7 @@ class InputTable:
 
     Attributes:
         path: The file.
-        columns: Values by name of the column: numbers, NaN for empty cells; text in the column `waveform`.
+        columns: Values by name of the column: numbers, NaN for empty cells; text in columns `waveform...`.
         lines: Line of the file on which each row stands, shape (n_rows,).
         errors: One line each.
     """
@@ -70,7 +70,7 @@ def read_table(path: Path) -> InputTable:
     has_decimal_comma = delimiter != "," and any("," in row for row in rows)
     if has_decimal_comma:
         warnings.warn(InputFileWarning(f"{path}: a comma in a number is read as the decimal sign"), stacklevel=2)
-    types = {name: pa.string() if name == "waveform" else pa.float64() for name in names}
+    types = {name: pa.string() if name.startswith("waveform") else pa.float64() for name in names}
     try:
         table = csv.read_csv(
             pa.BufferReader("\n".join(rows).encode()),

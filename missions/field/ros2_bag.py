@@ -148,7 +148,8 @@ def _field_data(path: Path, poses: FloatArray, pulses: BagPulses) -> FieldData:
     row = np.argsort(order)[len(poses) :]
     phase_rad = np.full(len(rows), np.nan)
     phase_rad[row] = pulses.phase_rad[has_pose] % (2 * np.pi)
-    used = TablePulses(row, pulses.strengths_v[has_pose], np.square(pulses.std_v[has_pose]))
+    strengths_v, std_v = pulses.strengths_v[has_pose], pulses.std_v[has_pose]
+    used = TablePulses(row, strengths_v, np.square(std_v), np.zeros(std_v.shape, dtype=np.bool_))
     data = assemble(path, rows[order], phase_rad, used)
     if has_pose.all():
         return data

@@ -1,26 +1,27 @@
-"""Recorded waveforms from the files that a table names, and the strengths of their pulses.
+"""Recorded waveforms from the files that a table names, and the strengths of their pulses."""
 
-A file is `.npz` with `waveforms` of shape (n_channels, n_samples) or (n_pulses, n_channels, n_samples),
-`sample_rate_hz` and, for counts, `volts_per_count`; or `.csv` with `time_s` and `channel_1` to `channel_n`.
-"""
-
+from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dirmusic import InputFileError, pulse_start, strength_variance
-from dirmusic.arrays import FloatArray, IntArray
-from dirmusic.input_file import opened
+from dirmusic import InputFileError, strength_variance
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.pulses.clipping import Extremes, restored_strengths
 from dirmusic.pulses.strengths import strengths_of_energies
-from pdpatrol.missions.field.input_table import InputTable, read_table
+from pdpatrol.missions.field.input_table import InputTable
+from pdpatrol.missions.field.instruments import WaveformRecord, read_record
+from pdpatrol.missions.field.record_pulses import RecordPulses, find_pulses
 
-MAX_VOLTS = 1e6
-"""Largest sample, and strength of a pulse. Assumed; no receiver withstands more."""
+PRIOR_QUIET = 200
+"""Number of quiet samples of a record for which its own noise and the median of the survey weigh the same. Assumed; few
+samples give a variance to a tenth."""
 
-MAX_BYTES = 512 * 10**6
-"""Largest size of a waveform file, both compressed and uncompressed."""
+NOTED_OFFSET = 0.3
+"""Offset in standard deviations of the noise from which it is noted: it changes the energy of a gate as much as noise
+does."""
 
 
 class TablePulses(NamedTuple):
@@ -30,130 +31,154 @@ class TablePulses(NamedTuple):
         row: Row of the table, from 0, shape (n_pulses,).
         strengths_v: Shape (n_pulses, n_channels).
         variance_v2: Noise variance of the strengths, same shape.
+        is_clipped: True where a strength is too small because the samples reached full scale, same shape.
+        notes: Offsets, noise, clipped pulses, and records without a pulse.
     """
 
     row: IntArray
     strengths_v: FloatArray
     variance_v2: FloatArray
+    is_clipped: BoolArray
+    notes: tuple[str, ...] = ()
 
 
-class WaveformRecord(NamedTuple):
-    """Contents of one waveform file.
-
-    Attributes:
-        samples: Numbers of any type, shape (n_pulses, n_channels, n_samples).
-        volts_per_sample: Factor from samples to volts.
-        sample_rate_hz: Sample rate of all channels.
-    """
-
-    samples: NDArray[Any]
-    volts_per_sample: float
-    sample_rate_hz: float
-
-
-def read_waveforms(table: InputTable, noise_v: float | None, gate_s: float) -> TablePulses:
-    """Return the strengths of the pulses in the files that the column `waveform` of a table names.
+def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None, gate_s: float) -> TablePulses:
+    """Return the strengths of the pulses in the files that a table names.
 
     Args:
-        table: The table; names of files are relative to its folder.
-        noise_v: Standard deviation of a noise sample, volts; None to measure it in each channel outside the gates.
-        gate_s: Length of the gate, which is cut out of each waveform where its energy is largest.
+        table: The table; names of files are relative to its folder. With a column `segment`, a row has only that
+            segment of its file, from 1.
+        columns: Columns of the names: one, or one for each channel.
+        noise_v: Standard deviation of a noise sample, volts; None to measure it in each channel outside the pulses.
+        gate_s: Length of the gates.
 
     Raises:
         InputFileError: If a file cannot be used, the files are inconsistent, or they contain no noise to measure.
     """
-    rows: list[int] = []
-    energies: list[FloatArray] = []
-    noises: list[FloatArray] = []
-    shape: tuple[int, float] | None = None
-    n_gate = 0
-    for row, name in enumerate(table.columns["waveform"].tolist()):
-        path = table.path.parent / name
+    read = lru_cache(maxsize=len(columns))(read_record)
+    names = list(zip(*(table.columns[column].tolist() for column in columns), strict=True))
+    segments = table.columns.get("segment", np.zeros(len(names)))
+    found, shape = list[RecordPulses](), (0, 0.0)
+    for row, (of_row, segment) in enumerate(zip(names, segments.tolist(), strict=True)):
         try:
-            record = _read_record(path)
-            shape = shape or (record.samples.shape[1], record.sample_rate_hz)
-            if record.samples.shape[1] != shape[0] or abs(record.sample_rate_hz / shape[1] - 1) > 0.01:
-                raise ValueError(f"must have {shape[0]} channels at {shape[1]:g} Hz as the first file")
-            n_gate = round(gate_s * shape[1])
-            if not 4 <= n_gate <= record.samples.shape[2]:  # fewer samples cannot hold a pulse
-                raise ValueError(
-                    f"the gate must have 4 to {record.samples.shape[2]} samples; --gate-ns {gate_s * 1e9:g} is {n_gate}"
-                )
-            for samples in record.samples:
-                volts = np.multiply(samples, record.volts_per_sample, dtype=np.float64)
-                start = pulse_start(volts, n_gate)
-                energies.append(np.square(volts[:, start : start + n_gate]).sum(axis=-1))
-                sample = np.arange(volts.shape[-1]) - start
-                is_noise = (sample < -10) | (sample >= 2 * n_gate)  # a pulse may begin before its gate and end after it
-                if is_noise.sum() >= 16:
-                    noises.append(np.square(volts[:, is_noise]).mean(axis=-1))
-                rows.append(row)
+            record = _record_of_row(table.path.parent, of_row, segment, read)
+            shape = shape if row else (record.samples.shape[1], record.sample_rate_hz)
+            found.append(_pulses_of_record(record, shape, noise_v, gate_s))
+            if len(record.samples) > 1 and "mains_phase_deg" in table.columns:
+                raise ValueError("must be one segment, because the table has mains_phase_deg")
         except ValueError as error:  # InputFileError is a subclass
-            first = str(error).splitlines()[0].removeprefix(f"{path}: ")
-            raise InputFileError([f"{table.path}: line {table.lines[row]}: waveform {name}: {first}"]) from None
-    energy_v2 = np.array(energies)
-    if noise_v is not None:
-        variance_v2 = np.full(energy_v2.shape[1], noise_v**2)
-    elif noises:
-        variance_v2 = np.median(noises, axis=0)
-    else:
-        raise InputFileError(
-            [
-                f"{table.path}: waveforms hold no noise outside their gate of {n_gate} samples; give longer records, a "
-                "shorter --gate-ns, or --noise-v"
-            ]
-        )
-    strengths_v = strengths_of_energies(energy_v2, n_gate, variance_v2)
-    variance_v2 = strength_variance(np.nan_to_num(strengths_v), variance_v2, n_gate)
-    return TablePulses(np.array(rows), strengths_v, variance_v2)
+            text = str(error).splitlines()[0]
+            text = text if text.startswith("waveform ") else f"waveform {', '.join(of_row)}: {text}"
+            raise InputFileError([f"{table.path}: line {table.lines[row]}: {text}"]) from None
+    noise_v2 = _noise(table.path, found, noise_v)
+    keys = list(zip(names, segments.tolist(), strict=True))
+    unique = {key: of_record.extremes for key, of_record in zip(keys, found, strict=True)}
+    rails = dict(zip(unique, Extremes.rails(list(unique.values())), strict=True))
+    if not any(len(each.energy_v2) for each in found):
+        raise InputFileError([f"{table.path}: no waveform holds a pulse above the noise"])
+    return _strengths(found, noise_v2, [rails[key] for key in keys], round(gate_s * shape[1]), noise_v)
 
 
-def _read_record(path: Path) -> WaveformRecord:
-    """Read one waveform file; raise ValueError without its name, or InputFileError with it."""
-    record = _read_csv(path) if path.suffix.lower() == ".csv" else _read_npz(path)
-    largest_v = max(float(record.samples.max()), -float(record.samples.min())) * record.volts_per_sample
-    for name, value, low, high in (
-        ("sample_rate_hz", record.sample_rate_hz, 1e6, 1e12),  # pulses last for nanoseconds
-        ("volts_per_count", record.volts_per_sample, 1e-15, MAX_VOLTS),
-        ("the number of samples of a pulse", record.samples[0].size, 1, 1e7),  # 80 MB as float64
-        ("the largest sample in volts", largest_v, 0.0, MAX_VOLTS),
-    ):
-        if not low <= value <= high:
-            raise ValueError(f"{name} must be from {low:g} to {high:g}, got {value:g}")
+def _record_of_row(
+    folder: Path, names: tuple[str, ...], segment: float, read: Callable[[Path], WaveformRecord]
+) -> WaveformRecord:
+    """Read the files of one row as one record; raise ValueError with the name of the file."""
+    records = list[WaveformRecord]()
+    for name in names:
+        try:
+            records.append(read(folder / name))
+        except ValueError as error:
+            text = str(error).splitlines()[0].removeprefix(f"{folder / name}: ")
+            raise ValueError(f"waveform {name}: {text}") from None
+    record = WaveformRecord.join(records)
+    if segment:
+        if segment not in range(1, len(record.samples) + 1):
+            raise ValueError(f"segment must be from 1 to {len(record.samples)}, got {segment:g}")
+        record = record._replace(samples=record.samples[int(segment) - 1 : int(segment)])
     return record
 
 
-def _read_npz(path: Path) -> WaveformRecord:
-    try:
-        with opened(path, MAX_BYTES) as file, np.load(file, allow_pickle=False) as archive:
-            if sum(member.file_size for member in archive.zip.infolist()) > MAX_BYTES:
-                raise InputFileError([f"arrays must have at most {MAX_BYTES / 1e6:.0f} MB"])
-            samples, rate_hz = archive["waveforms"], float(archive["sample_rate_hz"])
-            has_counts = "volts_per_count" in archive
-            scale = float(archive["volts_per_count"]) if has_counts else 1.0
-    except InputFileError:
-        raise
-    except Exception as error:  # damaged bytes raise errors of many types in zipfile, zlib and the header reader
-        raise ValueError(
-            "must be an .npz archive with the arrays waveforms, sample_rate_hz and, for counts, volts_per_count "
-            f"({' '.join(str(error).split()):.100})"
-        ) from None
-    if samples.ndim not in (2, 3) or samples.dtype.kind not in ("iuf" if has_counts else "f") or 0 in samples.shape:
-        raise ValueError(
-            "waveforms must be numbers of shape (n_channels, n_samples) or (n_pulses, n_channels, n_samples), and "
-            f"whole numbers need volts_per_count; got {samples.dtype} of shape {samples.shape}"
-        )
-    return WaveformRecord(samples.reshape(-1, *samples.shape[-2:]), scale, rate_hz)
+def _pulses_of_record(
+    record: WaveformRecord, shape: tuple[int, float], noise_v: float | None, gate_s: float
+) -> RecordPulses:
+    """Find the pulses of a record that must have the number of channels and the sample rate `shape`."""
+    if record.samples.shape[1] != shape[0] or abs(record.sample_rate_hz / shape[1] - 1) > 0.01:
+        raise ValueError(f"must have {shape[0]} channels at {shape[1]:g} Hz as the first file")
+    if not 1e6 <= shape[1] <= 1e12:  # pulses last for nanoseconds
+        raise ValueError(f"sample_rate_hz must be from 1e+06 to 1e+12, got {shape[1]:g}")
+    n_gate, n_samples = round(gate_s * shape[1]), record.samples.shape[2]
+    if not 4 <= n_gate <= n_samples:  # fewer samples cannot hold a pulse
+        raise ValueError(f"the gate must have 4 to {n_samples} samples; --gate-ns {gate_s * 1e9:g} is {n_gate}")
+    return find_pulses(record, n_gate, noise_v)
 
 
-def _read_csv(path: Path) -> WaveformRecord:
-    table = read_table(path)
-    expected = ["time_s", *(f"channel_{k + 1}" for k in range(len(table.columns) - 1))]
-    if list(table.columns) != expected:
-        raise ValueError("columns must be time_s, channel_1, channel_2 ... in order")
-    time_s, *volts = table.numbers(-MAX_VOLTS, MAX_VOLTS, *expected).T
-    table.check()
-    steps = np.diff(time_s)
-    if steps.size == 0 or not (steps.min() > 0 and np.ptp(steps) <= 0.01 * np.median(steps)):
-        raise ValueError("time_s must rise in even steps")
-    return WaveformRecord(np.array([volts]), 1.0, 1.0 / float(steps.mean()))
+def _noise(path: Path, found: list[RecordPulses], noise_v: float | None) -> FloatArray:
+    """Return the variance of a noise sample in each record and channel, shape (n_records, n_channels)."""
+    measured_v2, n_quiet = np.array([each.noise_v2 for each in found]), np.array([each.n_quiet for each in found])
+    if noise_v is not None:
+        return np.full(measured_v2.shape, noise_v**2)
+    is_measured = np.isfinite(measured_v2).all(axis=1)
+    if not is_measured.any():
+        text = "waveforms hold no noise outside their gates; give longer records, a shorter --gate-ns, or --noise-v"
+        raise InputFileError([f"{path}: {text}"])
+    typical_v2 = np.median(measured_v2[is_measured], axis=0)
+    weight = (n_quiet / (n_quiet + PRIOR_QUIET) * is_measured)[:, np.newaxis]
+    return weight * np.where(is_measured[:, np.newaxis], measured_v2, 0.0) + (1 - weight) * typical_v2
+
+
+def _strengths(
+    found: list[RecordPulses], noise_v2: FloatArray, rails: list[BoolArray], n_gate: int, noise_v: float | None
+) -> TablePulses:
+    """Return the strengths of all pulses; those of clipped channels are restored where possible.
+
+    Args:
+        found: Pulses of each row.
+        noise_v2: Variance of a noise sample, shape (n_rows, n_channels).
+        rails: Which extremes of each row are rails, shape (2, n_channels) each.
+        n_gate: Length of the gates.
+        noise_v: Noise that was given.
+    """
+    row = np.repeat(np.arange(len(found)), [len(each.energy_v2) for each in found])
+    strengths_v = strengths_of_energies(np.concatenate([each.energy_v2 for each in found]), n_gate, noise_v2[row])
+    variance_v2 = strength_variance(np.nan_to_num(strengths_v), noise_v2[row], n_gate)
+    is_clipped, is_restored = np.zeros(strengths_v.shape, np.bool_), np.zeros(strengths_v.shape, np.bool_)
+    first = np.searchsorted(row, np.arange(len(found)))
+    for k, (of_record, is_rail) in enumerate(zip(found, rails, strict=True)):
+        end_v = of_record.extremes.volts - of_record.offset_v
+        for pulse, gate_v in of_record.gates_v.items():
+            reached = of_record.touches[pulse] & is_rail
+            if reached.any():
+                low_v, high_v = np.where(reached, end_v, [[-np.inf], [np.inf]])
+                restored, at = restored_strengths(gate_v, low_v, high_v, noise_v2[k]), first[k] + pulse
+                (is_clipped if restored is None else is_restored)[at] = reached.any(axis=0)
+                if restored is not None:
+                    strengths_v[at, is_restored[at]] = restored[0][is_restored[at]]
+                    variance_v2[at] += restored[1]
+    notes = [*_record_notes(found, noise_v2, noise_v), *_clipping_notes(is_restored, is_clipped)]
+    return TablePulses(row, strengths_v, variance_v2, is_clipped, tuple(notes))
+
+
+def _record_notes(found: list[RecordPulses], noise_v2: FloatArray, noise_v: float | None) -> list[str]:
+    n_pulses, n_empty = sum(len(each.energy_v2) for each in found), sum(each.n_empty for each in found)
+    notes = [f"{n_pulses} pulses found in {len(found)} records"]
+    if n_empty:
+        notes.append(f"{n_empty} records or segments hold no pulse above the noise: left out")
+    std_v, offset_v = np.sqrt(np.median(noise_v2, axis=0)), np.median([each.offset_v for each in found], axis=0)
+    if noise_v is None:
+        notes.append(f"noise outside the pulses: {', '.join(f'{1e3 * v:.3g}' for v in std_v)} mV, channel by channel")
+    if (is_noted := np.abs(offset_v) > NOTED_OFFSET * std_v).any():
+        of_channels = (f"{1e3 * offset_v[k]:+.3g} mV in channel {k + 1}" for k in np.flatnonzero(is_noted))
+        notes.append(f"offset of the quiet part removed: {', '.join(of_channels)}")
+    return notes
+
+
+def _clipping_notes(is_restored: BoolArray, is_clipped: BoolArray) -> list[str]:
+    notes = list[str]()
+    for is_such, done in (
+        (is_restored, "strengths estimated from the samples between the rails, with larger deviations"),
+        (is_clipped, "left out, because no other channel shows the shape of the pulse"),
+    ):
+        if n := np.count_nonzero(is_such.any(axis=1)):
+            channels = ", ".join(f"{count} in channel {k + 1}" for k, count in enumerate(is_such.sum(axis=0)) if count)
+            notes.append(f"{n} of {len(is_such)} pulses are clipped ({channels}): {done}")
+    return notes

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
+from dirmusic.pulses.detection import count_crossings, gate_start
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 
 LIKELY = 0.3
@@ -336,25 +337,6 @@ def trigger_probability(trigger: Trigger, signal_v: float) -> float:
 
 
 @compiled_inner
-def count_crossings(volts: FloatArray, first: int, end: int, limit_v: FloatArray, level_v: float) -> tuple[int, int]:
-    """Search the samples from `first` up to `end` for those beyond the level.
-
-    Returns:
-        Index of the first such sample, or -1, and number of such samples in all channels.
-    """
-    crossing, n = -1, 0
-    for e in range(limit_v.size):
-        if limit_v[e] > level_v:
-            channel_v = volts[e, first:end]
-            for t in range(channel_v.size):
-                if abs(channel_v[t]) > level_v:
-                    n += 1
-                    if crossing < 0 or first + t < crossing:
-                        crossing = first + t
-    return crossing, n
-
-
-@compiled_inner
 def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channels: Channels) -> float:
     """Return S, the expected number of samples beyond the level; the summation stops when it exceeds `LIKELY`."""
     expected, trigger, limit_v, volts = 0.0, sampler.trigger, channels.limit_v, window.volts
@@ -452,24 +434,13 @@ def read_out(
 ) -> int:
     """Fill the gate after a trigger, and test for a burst; arguments and result as in `sample_emission`.
 
-    The gate starts `before` samples ahead of where the strongest channel reaches half its peak. The trigger itself is
-    not a suitable reference, because stronger pulses cross the level earlier. In a burst, the mean power of the
-    strongest channel exceeds a limit in all windows of the test.
+    In a burst, the mean power of the strongest channel exceeds a limit in all windows of the test.
     """
     before, n_gate, n_window, noise = sampler.before, sampler.gate, sampler.burst_window, sampler.noise
     volts, limit_v = window.volts, channels.limit_v
-    strongest, peak_v = limit_v.size - 1, 0.0
     fill(window, crossing + sampler.peak, signal, sampler, channels, rng)
-    for t in range(crossing, crossing + sampler.peak):
-        for e in range(limit_v.size):
-            clipped_v = min(abs(volts[e, t]), limit_v[e])
-            if clipped_v > peak_v:
-                strongest, peak_v = e, clipped_v
-    limit, background_v2 = limit_v[strongest], channels.background_v2[strongest]
-    half = max(before, crossing - before)
-    while min(abs(volts[strongest, half]), limit) < 0.5 * peak_v:
-        half += 1
-    start, gate_v2 = half - before, 0.0
+    strongest, start = gate_start(volts, crossing, sampler.peak, before, limit_v)
+    limit, background_v2, gate_v2 = limit_v[strongest], channels.background_v2[strongest], 0.0
     fill(window, start + n_gate, signal, sampler, channels, rng)
     for e in range(limit_v.size):
         for t in range(n_gate):
