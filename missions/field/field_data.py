@@ -202,7 +202,8 @@ def _numbered(table: InputTable, kind: str) -> list[str]:
 
 def strength_columns(table: InputTable) -> tuple[list[str], list[str]]:
     """Return the names that the columns of strengths, and of their deviations if there are any, must have."""
-    return _numbered(table, "strength"), _numbered(table, "std")
+    strengths = _numbered(table, "strength")
+    return strengths, [name.replace("strength", "std") for name in strengths if _numbered(table, "std")]
 
 
 def waveform_columns(table: InputTable) -> list[str]:
@@ -213,7 +214,7 @@ def waveform_columns(table: InputTable) -> list[str]:
 def _read_strengths(table: InputTable, noise_v: float | None) -> TablePulses:
     strengths, deviations = strength_columns(table)
     levels = np.column_stack([table.columns[name] for name in strengths])
-    if np.mean(levels < 0) > 0.5:
+    if np.count_nonzero(levels < 0) > 0.5 * levels.size:
         text = f"strengths must be in volts, not in decibels: most are negative, such as {levels[levels < 0][0]:g}"
         raise InputFileError([f"{table.path}: {text}"])
     strengths_v = table.numbers(0, MAX_VOLTS, *strengths)

@@ -14,8 +14,9 @@ from dirmusic import InputFileError
 from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray
 from pdpatrol.missions.field.field_data import MIN_STRENGTH_V, FieldData, assemble
+from pdpatrol.missions.field.instruments.record import MAX_VOLTS
 from pdpatrol.missions.field.survey import SurveyOptions
-from pdpatrol.missions.field.waveform_files import MAX_VOLTS, TablePulses
+from pdpatrol.missions.field.waveform_files import TablePulses
 
 PULSE = "std_msgs/Header header\nfloat64[] strengths_v\nfloat64[] std_v\nfloat64 mains_phase_rad\nbool is_clipped\n"
 """Definition of `pdpatrol_msgs/Pulse`, for recordings that do not contain it."""
