@@ -1,5 +1,6 @@
 """A survey that is exported as MCAP, or kept as rosbag2, comes back to the same findings."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,16 +105,17 @@ def test_unusable_recording_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
     (tmp_path / "text.mcap").write_text("not a recording")
     (tmp_path / "empty").mkdir()
-    for name, options, message in (
-        ("cut.mcap", {}, "must be an MCAP file or a rosbag2 folder"),
-        ("text.mcap", {}, "must be an MCAP file or a rosbag2 folder"),
-        ("empty", {}, "must be an MCAP file or a rosbag2 folder"),
-        ("none.mcap", {}, "must be an MCAP file or a rosbag2 folder"),
-        ("m.mcap", {"pulse_topic": "/clicks"}, "/clicks: must have messages; --pose-topic and --pulse-topic"),
-        ("m.mcap", {"pulse_topic": "/scan", "pose_topic": "/yard"}, "/yard: "),
+    usual = SurveyOptions()
+    for name, survey, message in (
+        ("cut.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
+        ("text.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
+        ("empty", usual, "must be an MCAP file or a rosbag2 folder"),
+        ("none.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
+        ("m.mcap", replace(usual, pulse_topic="/clicks"), "/clicks: must have messages; --pose-topic and"),
+        ("m.mcap", replace(usual, pose_topic="/yard"), "/yard: "),
     ):
         with pytest.raises(InputFileError, match=message) as refused:
-            read_bag(tmp_path / name, SurveyOptions(**options))
+            read_bag(tmp_path / name, survey)
         (line,) = refused.value.faults
         assert line.startswith(str(tmp_path / name))
         assert len(line) < 400 and "\n" not in line  # noqa: PT018
