@@ -97,7 +97,7 @@ def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: Table
         must = f"must have {MIN_CHANNELS} to {MAX_CHANNELS} channels with a signal"
         raise InputFileError([f"{path}: {must}, got {is_alive.sum()}"])
     is_complete = np.isfinite(pulses.strengths_v[:, is_alive]).all(axis=-1)
-    steps, step_of_row, notes = steps_of(poses)
+    steps, step_of_row, notes = steps_of(poses, MAX_STEPS)
     notes += doubts(steps[:, 1:])
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
@@ -142,7 +142,7 @@ def survey_rows(table: InputTable, noise_v: float | None, gate_s: float) -> tupl
     return poses, phase_rad, _read_strengths(table, noise_v)
 
 
-def steps_of(poses: FloatArray, most: int = MAX_STEPS) -> tuple[FloatArray, IntArray, list[str]]:
+def steps_of(poses: FloatArray, most: int) -> tuple[FloatArray, IntArray, list[str]]:
     """Group consecutive rows with the same time and pose into steps; if these are too many, pool the rows by cell.
 
     Args:
