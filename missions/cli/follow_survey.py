@@ -57,10 +57,10 @@ def follow_survey(
             show()
         looked_s = heard_s = time.monotonic()
         for lines in pieces:
-            if lines:
-                heard_s = time.monotonic()
             follower.add(lines)
             show()
+            if lines:
+                heard_s = time.monotonic()
             # a record of this piece may have arrived right after the look before
             longest_s, looked_s = max(longest_s, time.monotonic() - looked_s), time.monotonic()
             if signals:

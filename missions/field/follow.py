@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from dirmusic import Finding, PulseBatch
+from dirmusic.locating.rules import LocatingRules
 from pdpatrol.missions.field.field_data import FieldData, steps_of, strength_columns, survey_rows
 from pdpatrol.missions.field.input_table import InputTable
 from pdpatrol.missions.field.line_sources import Report
@@ -31,8 +32,9 @@ FINDING_EVENTS = ("candidate", "confirmed", "outside", "dropped")
 class SurveyFollower:
     """Locates with the records of a survey as they arrive, and stores them.
 
-    The findings are those of a mission: by the data so far, with a faulty channel left out from its discovery on. Rows
-    within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the stored table gives the final findings.
+    The findings are those of a mission: by the data so far, fitted once per second of the survey, with a faulty channel
+    left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the stored
+    table gives the final findings.
 
     Args:
         folder: Folder with the table of received records, which is continued if it exists.
@@ -83,7 +85,7 @@ class SurveyFollower:
             n_recorded=n_channels,
         )
         if self._locator is None:
-            self._locator = FieldLocator(data, self._survey, MARGIN_M)
+            self._locator = FieldLocator(data, self._survey, LocatingRules(), MARGIN_M)
         self._locator.add(data)
         self.n_records += len(poses)
 

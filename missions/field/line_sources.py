@@ -25,6 +25,9 @@ PIECE_BYTES = 2**16
 MAX_LINE_BYTES = 2**16
 """Length from which on a line without an end is left out. Assumed; 32 channels take 1 kB."""
 
+SUFFIXES = (".csv", ".txt", ".json", ".jsonl")
+"""Suffixes of files of a folder that hold records."""
+
 LOOPBACK = "127.0.0.1"
 """Only address at which records are received."""
 
@@ -147,17 +150,20 @@ def _folder(path: Path, report: Report, is_over: IsOver) -> Iterator[list[str]]:
 
 
 def _file_names(folder: Path) -> list[str]:
-    return [each.name for each in folder.iterdir() if each.is_file() and not each.name.startswith(".")]
+    """Return the names of the files with records, which are not hidden."""
+    return [each.name for each in folder.glob("[!.]*") if each.suffix.lower() in SUFFIXES and each.is_file()]
 
 
 def _senders(server: socket.socket, report: Report, is_over: IsOver) -> Iterator[list[str]]:
     """Receive from one sender after another."""
     with server:
-        while not is_over():
+        while True:
             if select.select([server], [], [], POLL_S)[0]:
                 sender, _ = server.accept()
                 with sender:
                     yield from _pieces(sender.fileno(), report, is_over)
+            elif is_over():
+                return
             else:
                 yield []
 
@@ -166,13 +172,15 @@ def _pieces(file: int, report: Report, is_over: IsOver) -> Iterator[list[str]]:
     """Read a pipe or a connection up to its end."""
     buffer = LineBuffer(report)
     try:
-        while not is_over():
-            if not select.select([file], [], [], POLL_S)[0]:
-                yield []
-            elif data := _read(file):
+        while True:
+            if select.select([file], [], [], POLL_S)[0]:
+                if not (data := _read(file)):
+                    break
                 yield buffer.add(data)
-            else:
+            elif is_over():
                 break
+            else:
+                yield []
         yield buffer.end()
     finally:
         buffer.end()

@@ -80,6 +80,7 @@ class FieldLocator:
         data: First data of the survey, from which the channels of the array and the bounds of the log are taken; they
             are not located yet.
         survey: Array, poses, yard and date.
+        rules: Rules of the Locator. If they have no time between fits, all is refitted at times that become rarer.
         margin_m: Width of the margin that the log shows around the poses of `data`, if the yard is not given.
 
     Attributes:
@@ -90,7 +91,9 @@ class FieldLocator:
         InputFileError: If the pattern, the boresights or the calibration cannot be used for the array.
     """
 
-    def __init__(self, data: FieldData, survey: SurveyOptions, margin_m: float = 10.0) -> None:
+    def __init__(
+        self, data: FieldData, survey: SurveyOptions, rules: LocatingRules = FIELD_RULES, margin_m: float = 10.0
+    ) -> None:
         array = array_model(data, survey)
         self.data_sheet = array.manifold
         self._calibration = survey.calibration and read_calibration(survey.calibration)
@@ -108,8 +111,9 @@ class FieldLocator:
             self.log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
         self._name, self._channels = data.path.name, data.channels
         self._monitor = ChannelMonitor(array, maximum_likelihood)
-        locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=FIELD_RULES)
-        self._tracker = Tracker(self.log, locator, array, pose_error, FIELD_RULES.max_std_rad)
+        locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=rules)
+        self._tracker = Tracker(self.log, locator, array, pose_error, rules.max_std_rad)
+        self._is_refitted = np.isinf(rules.refit_s)
         self._start_s, self._due_s, self._refitted_step, self._n_clipped = np.inf, np.inf, 0, 0
 
     @property
@@ -151,7 +155,7 @@ class FieldLocator:
         self._tracker.track(time_s, pose, pulses)
         if self.log.n_rows("step") == 1:  # in the first step, `track` fits
             self._start_s, self._due_s = time_s, time_s + 1.0
-        elif time_s >= self._due_s:
+        elif self._is_refitted and time_s >= self._due_s:
             self._refit(time_s)
 
     def _refit(self, time_s: float) -> None:

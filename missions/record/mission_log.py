@@ -97,6 +97,48 @@ longest text, so nothing is cut.
 """
 
 
+class NumberColumn:
+    """Column of numbers that grows; a list of NumPy rows would take several times as much memory.
+
+    Args:
+        dtype: Type of a row, with its shape.
+    """
+
+    GROWTH, MOST_NEW = 1.25, 1000
+    """Factor by which the memory grows, and number of new rows that are kept in a list at most (assumed)."""
+
+    def __init__(self, dtype: str) -> None:
+        self._type = np.dtype(dtype).base
+        self._values = np.empty(0, self._type)
+        self._size = 0
+        self._new: list[Any] = []
+
+    def __len__(self) -> int:
+        return self._size + len(self._new)
+
+    def __getitem__(self, rows: Any) -> NDArray[Any]:  # noqa: ANN401 - an integer or a slice
+        self._take_new()
+        return self._values[: self._size][rows]
+
+    def extend(self, values: Sequence[Any] | NDArray[Any]) -> None:
+        """Append rows, which all have one shape."""
+        self._new.extend(values)
+        if len(self._new) >= self.MOST_NEW:
+            self._take_new()
+
+    def _take_new(self) -> None:
+        """Move the new rows into the array."""
+        if not self._new:
+            return
+        rows, start = np.array(self._new, dtype=self._type), self._size
+        self._new, self._size = [], start + len(rows)
+        if self._size > len(self._values):
+            values = np.empty((max(self._size, int(self.GROWTH * start)), *rows.shape[1:]), self._type)
+            values[:start] = self._values[:start] if start else rows[:0]
+            self._values = values
+        self._values[start : self._size] = rows
+
+
 class MissionLog:
     """Tables that grow row by row, and metadata.
 
@@ -107,8 +149,9 @@ class MissionLog:
 
     def __init__(self, meta: Mapping[str, Any]) -> None:
         self.meta: dict[str, Any] = {"schema": SCHEMA, **meta}
-        self._rows: dict[str, dict[str, list[Any]]] = {
-            table: {column: [] for column in columns} for table, columns in TABLES.items()
+        self._rows: dict[str, dict[str, list[Any] | NumberColumn]] = {
+            table: {column: [] if dtype == "U" else NumberColumn(dtype) for column, dtype in columns.items()}
+            for table, columns in TABLES.items()
         }
         self._written: dict[str, int] = {}
 
@@ -162,7 +205,8 @@ class MissionLog:
         """Return the rows from `start` up to `stop` of one column as an array, rows on the first axis."""
         dtype = np.dtype(TABLES[table][column])
         shape = (self.meta["n_elements"],) if column in ("strengths_v", "std_v") else dtype.shape
-        return np.array(self._rows[table][column][start:stop] or np.empty((0, *shape)), dtype=dtype.base)
+        rows = self._rows[table][column][start:stop]
+        return np.array(rows if len(rows) else np.empty((0, *shape)), dtype=dtype.base)
 
     def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:
         """Return the rows from `start` up to `stop` of all columns of a table."""

@@ -11,9 +11,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
-from dirmusic import InputFileError
+from dirmusic import GaussianPattern, InputFileError
+from dirmusic.angles import wrap
 from pdpatrol.missions.field.follow import SurveyFollower
 from pdpatrol.missions.field.input_table import read_table
 from pdpatrol.missions.field.line_sources import LineBuffer
@@ -201,18 +203,18 @@ def test_every_source_ends_like_the_finished_file(tmp_path: Path) -> None:
         "growing": start(growing, *arguments, "growing", "--idle-s", "3", cwd=tmp_path),
         "folder": start(folder, *arguments, "folder", cwd=tmp_path),
         "stdin": start("-", *arguments, "stdin", cwd=tmp_path),
-        "socket": start(f"127.0.0.1:{port}", *arguments, "socket", "--idle-s", "3", cwd=tmp_path),
+        "socket": start(f"127.0.0.1:{port}", *arguments, "socket", "--idle-s", "8", cwd=tmp_path),
     }
     assert readers["stdin"].stdin is not None
     readers["stdin"].stdin.write(objects)
     readers["stdin"].stdin.close()
     readers["stdin"].stdin = None
-    for part in (objects[:5000], objects[5000:]):
+    for part in (objects[:5000], objects[objects.rfind("\n", 0, 5000) + 1 :]):  # the first sender is killed
         deadline_s = time.monotonic() + 60.0
         while time.monotonic() < deadline_s:
             try:
                 with socket.create_connection(("127.0.0.1", port)) as sender:
-                    sender.sendall(part[: part.rfind("\n") + 1].encode() if part is objects[:5000] else part.encode())
+                    sender.sendall(part.encode())
                 break
             except ConnectionRefusedError:
                 time.sleep(0.1)
@@ -240,3 +242,42 @@ def test_sources_that_cannot_be_followed_are_one_line(tmp_path: Path, refused: R
     (line,) = refused("locate", EXAMPLE, "--idle-s", "1", cwd=tmp_path)
     assert line == "--live and --idle-s need --follow"
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.slow
+def test_ten_minutes_of_200_pulses_per_second_take_little_memory(tmp_path: Path) -> None:
+    """Pieces of up to half a second with repeats; a computing time below 1 s each is a delay below 1 s."""
+    rng, n = np.random.default_rng(5), 60_000
+    time_s = 0.01 * np.arange(n)
+    corners_m = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 15.0], [0.0, 15.0], [0.0, 0.0]])
+    side_m, along_m = np.array([0.0, 20.0, 35.0, 55.0, 70.0]), (0.5 * time_s) % 70.0
+    place_m = np.column_stack([np.interp(along_m, side_m, corner_m) for corner_m in corners_m.T])
+    yaw_rad = np.array([0.0, 0.5, 1.0, -0.5])[np.searchsorted(side_m, along_m, side="right") - 1] * np.pi
+    boresights_rad, gains = np.radians([90, 30, -30, -90, -150, 150]), 1.0 + 0.05 * rng.standard_normal(6)
+    parts: list[np.ndarray] = []
+    for k, source_m in enumerate(((12.0, 8.0), (6.0, 4.0))):
+        off_m = np.array(source_m) - place_m
+        azimuth_rad = np.arctan2(off_m[:, 1], off_m[:, 0]) - yaw_rad
+        gain = gains * GaussianPattern()(wrap(azimuth_rad[:, np.newaxis] - boresights_rad))
+        strengths_v = 0.3 * gain / np.hypot(*off_m.T)[:, np.newaxis] + 1e-3 * rng.standard_normal((n, 6))
+        pose = np.column_stack([time_s + 0.005 * k, place_m, np.degrees(yaw_rad)])
+        parts.append(np.hstack([pose, np.maximum(strengths_v, 0.0)]))
+    rows = [",".join(f"{value:.6f}" for value in row) for row in np.stack(parts, axis=1).reshape(-1, 10).tolist()]
+    header = ",".join(NAMES[:10])
+    follower = SurveyFollower(tmp_path, Path("long.csv"), SurveyOptions(noise_v=1e-3), list[str]().append)
+    follower.add([header])
+    at, memory_mb, start_mb, longest_s = 0, np.nan, np.nan, 0.0
+    while at < len(rows):
+        size = int(rng.integers(1, 100))
+        piece, before_s = rows[max(at - int(rng.integers(0, 3)), 0) : at + size], time.process_time()
+        follower.add(piece)
+        at += size
+        if at > 12_000:  # after a minute all code is loaded
+            memory_mb = psutil.Process().memory_info().rss / 1e6
+            start_mb = memory_mb if np.isnan(start_mb) else start_mb
+            longest_s = max(longest_s, time.process_time() - before_s)
+    assert memory_mb < 1.2 * start_mb
+    assert longest_s < 1.0
+    assert (tmp_path / "received.csv").read_text().count("\n") == len(rows) + 1
+    sent, received = np.loadtxt(rows, delimiter=","), read_table(tmp_path / "received.csv").columns
+    assert all(np.array_equal(received[name], column) for name, column in zip(NAMES, sent.T, strict=False))
