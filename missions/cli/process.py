@@ -17,7 +17,17 @@ FAILED, USAGE_ERROR = 1, 2
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-EXTRAS = {"rerun": "viewer", "mcap": "ros", "mcap_ros2": "ros", "imageio": "video", "ray": "ray"}
+EXTRAS = {
+    "rerun": "viewer",
+    "mcap": "ros",
+    "mcap_ros2": "ros",
+    "imageio": "video",
+    "ray": "ray",
+    "RigolWFM": "instruments",
+    "nptdms": "instruments",
+    "h5py": "instruments",
+    "sigmf": "instruments",
+}
 """Extra of the package that installs each optional library; `missions` installs all others."""
 
 

@@ -164,6 +164,7 @@ def _check_columns(table: InputTable) -> tuple[list[str], list[str], list[str]]:
     strengths, deviations, waveforms = (
         [f"{kind}_{k + 1}" for k in range(n)] for kind, n in zip(kinds, counts, strict=True)
     )
+    deviations = [f"std_{k + 1}" for k in range(len(strengths))] if deviations else []
     waveforms = [] if strengths else waveforms or ["waveform"]
     needed = ["time_s", "x_m", "y_m", "yaw_deg", *strengths, *deviations, *waveforms]
     optional = ["mains_phase_deg", *(["segment"] if waveforms else [])]
