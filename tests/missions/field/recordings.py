@@ -10,12 +10,14 @@ from pdpatrol.sensing import ArrayConfig, DischargeSource, HelicalArray, Receive
 from pdpatrol.sensing.receiver.bank import listen_once
 from tests.missions.field.surveys import locate
 
-SOURCE_M, OTHER_M = (14.0, 9.0, 1.5), (8.0, 11.0, 1.5)
+SOURCE_M, OTHER_M = (14.0, 9.0, 1.5), (9.5, 7.0, 1.5)
 POSES = [  # x m, y m, yaw deg
     (5.0, 4.5, 0), (8.0, 4.5, 5), (11.0, 4.8, 10), (14.0, 5.2, 20), (16.5, 6.4, 35), (17.8, 8.8, 95), (16.8, 11.2, 130),
     (14.0, 12.4, 165), (11.2, 11.0, 215), (10.6, 8.6, 250),
 ]  # fmt: skip
-RECEIVER = ReceiverConfig(band_hz="all", gate_samples=600, pretrigger_samples=250, full_scale_v=2.0, bits=16)
+RECEIVER = ReceiverConfig(
+    band_hz="all", gate_samples=600, pretrigger_samples=250, full_scale_v=2.0, bits=16, false_alarm_rate_hz=1e-3
+)
 N_SHOTS = 3
 
 

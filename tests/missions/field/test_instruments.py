@@ -68,7 +68,7 @@ def test_numbers_of_rohde_schwarz_need_their_header_file(tmp_path: Path) -> None
         (b"Dear Sir,\nthere is a discharge.\n", "line 2 must be a row of numbers"),
         (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + bytes(80), "must be text or a binary file of a known oscilloscope"),
         (b"WAVEDESC\0\0\0\0\0\0\0\0LECROY_2_3\0\0\0\0\0\0" + bytes(100), "must be text or a binary file of a known"),
-        (b"TDSm\x0e\0\0\0", "must be a TDMS file"),
+        (b"TDSm\x0e\0\0\0", "must be a TDMS file|must have channels of one length"),
         (b"\x89HDF\r\n\x1a\n" + bytes(20), "must be an HDF5 file"),
         (b"MATLAB 5.0 MAT-file" + bytes(120), "must be a MATLAB file|must have a rate"),
         (b"PK\x03\x04 and more", "must be an .npz archive"),
