@@ -22,9 +22,10 @@ LEAST_REFERENCE = 10.0
 """Strength of the channel that gives the shape of a pulse, in standard deviations of a noise sample, below which the
 other channels are not restored. Assumed."""
 
-SHAPE_STD = 0.05
+SHAPE_STD = 0.08
 """Relative standard deviation of a restored strength because pulses are sampled at other phases in other channels.
-Assumed; the errors of the gains are as large."""
+Simulated with damped oscillations of ten samples per period whose peak is five times the rail, where it is 0.07; less
+clipping gives less."""
 
 
 class Extremes(NamedTuple):

@@ -33,9 +33,9 @@ def locate(
     """Locate discharges in field data, and write the log, report and recording as for a mission.
 
     The table has the columns time_s, x_m, y_m, yaw_deg (see --heading) and, one pulse per row, strength_1 to
-    strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file next to the table: .npz with
-    waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
-    .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg, the kind of discharge is classified.
+    strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file next to the table, or
+    waveform_1 to waveform_n, one for each channel: CSV or a binary file of an oscilloscope, .npz, TDMS, MATLAB, HDF5 or
+    SigMF. All pulses of a file are found. With a column mains_phase_deg, the kind of discharge is classified.
 
     Instead of a table, an MCAP file or a rosbag2 folder holds poses and pulses, as `pdpatrol export` writes them.
 

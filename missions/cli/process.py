@@ -24,6 +24,10 @@ EXTRAS = {
     "rosbags": "instruments",
     "imageio": "video",
     "ray": "ray",
+    "RigolWFM": "instruments",
+    "nptdms": "instruments",
+    "h5py": "instruments",
+    "sigmf": "instruments",
 }
 """Extra of the package that installs each optional library; `missions` installs all others."""
 

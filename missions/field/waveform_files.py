@@ -57,9 +57,9 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
     """
     read = lru_cache(maxsize=len(columns))(read_record)
     names = list(zip(*(table.columns[column].tolist() for column in columns), strict=True))
-    segments = table.columns.get("segment", np.zeros(len(names)))
+    segments = table.columns["segment"].tolist() if "segment" in table.columns else [None] * len(names)
     found, shape = list[RecordPulses](), (0, 0.0)
-    for row, (of_row, segment) in enumerate(zip(names, segments.tolist(), strict=True)):
+    for row, (of_row, segment) in enumerate(zip(names, segments, strict=True)):
         try:
             record = _record_of_row(table.path.parent, of_row, segment, read)
             shape = shape if row else (record.samples.shape[1], record.sample_rate_hz)
@@ -71,7 +71,7 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
             text = text if text.startswith("waveform ") else f"waveform {', '.join(of_row)}: {text}"
             raise InputFileError([f"{table.path}: line {table.lines[row]}: {text}"]) from None
     noise_v2 = _noise(table.path, found, noise_v)
-    keys = list(zip(names, segments.tolist(), strict=True))
+    keys = list(zip(names, segments, strict=True))
     unique = {key: of_record.extremes for key, of_record in zip(keys, found, strict=True)}
     rails = dict(zip(unique, Extremes.rails(list(unique.values())), strict=True))
     if not any(len(each.energy_v2) for each in found):
@@ -80,7 +80,7 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
 
 
 def _record_of_row(
-    folder: Path, names: tuple[str, ...], segment: float, read: Callable[[Path], WaveformRecord]
+    folder: Path, names: tuple[str, ...], segment: float | None, read: Callable[[Path], WaveformRecord]
 ) -> WaveformRecord:
     """Read the files of one row as one record; raise ValueError with the name of the file."""
     records = list[WaveformRecord]()
@@ -91,7 +91,7 @@ def _record_of_row(
             text = str(error).splitlines()[0].removeprefix(f"{folder / name}: ")
             raise ValueError(f"waveform {name}: {text}") from None
     record = WaveformRecord.join(records)
-    if segment:
+    if segment is not None:
         if segment not in range(1, len(record.samples) + 1):
             raise ValueError(f"segment must be from 1 to {len(record.samples)}, got {segment:g}")
         record = record._replace(samples=record.samples[int(segment) - 1 : int(segment)])

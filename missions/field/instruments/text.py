@@ -111,10 +111,15 @@ def _layout(lines: list[str]) -> _Layout:
         lines.pop()
     if not lines:
         raise ValueError("must have contents, is empty")
-    last = lines[-1]
-    separator = next((mark for mark in ";\t," if mark in last), ",")
-    decimal = "," if separator != "," and "," in last else "."
-    columns = [k for k, cell in enumerate(_cells(last, separator)) if _number(cell, decimal) is not None]
+    before, last = next((line for line in reversed(lines[:-1]) if line.strip(" ,;\t")), lines[-1]), lines[-1]
+    separator = next((mark for mark in ";\t," if mark in before), ",")
+    decimal = "," if separator != "," and "," in before else "."
+    columns = _numeric(before, separator, decimal)
+    if columns and (_numeric(last, separator, decimal) != columns or last.count(separator) != before.count(separator)):
+        text = (
+            f"must have {len(columns)} numbers as the line before it, got {last.strip()[:40]!r}; is the file cut off?"
+        )
+        raise ValueError(f"line {len(lines)} {text}")
     first = len(lines)
     while first > 0 and columns:
         if lines[first - 1].strip(" ,;\t\r"):
@@ -133,6 +138,11 @@ def _layout(lines: list[str]) -> _Layout:
 
 def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip(' "\r') for cell in line.split(separator)]
+
+
+def _numeric(line: str, separator: str, decimal: str) -> list[int]:
+    """Return the columns of a line that hold numbers."""
+    return [k for k, cell in enumerate(_cells(line, separator)) if _number(cell, decimal) is not None]
 
 
 def _number(cell: str, decimal: str) -> float | None:
@@ -154,9 +164,11 @@ def _record(path: Path, numbers: FloatArray, layout: _Layout, lines: list[str]) 
         raise ValueError(f"must have segments of one length, got {first.size} rows in {n_segments}")
     if has_time:
         segment, unit_s = first[: first.size // n_segments], SECONDS.get(units[0], 1.0)
-        some = lines[layout.first : layout.first + min(segment.size, 100)]
+        some = lines[layout.first : layout.first + segment.size][:: segment.size // 100 + 1]
         texts = [
-            _cells(line, layout.separator)[layout.columns[0]].replace(layout.decimal, ".") for line in some if line
+            _cells(line, layout.separator)[layout.columns[0]].replace(layout.decimal, ".")
+            for line in some
+            if line.strip(" ,;\t\r")
         ]
         interval_s = _time_step_s(segment, unit_s, texts, interval_s)
     if interval_s is None:
@@ -219,7 +231,7 @@ def _names(layout: _Layout) -> list[str]:
     for cells in reversed(layout.header):
         names = _above(layout, cells)
         if all(names[1:]) and any(names) and not any(_number(name, layout.decimal) is not None for name in names[1:]):
-            if all(_is_unit(name) for name in names[1:] or names):
+            if all(_is_unit(name) for name in names[1:] or names) or any(re.search("[:=]", name) for name in names):
                 continue
             return [re.sub(r"\s*[\(\[][^()]*[\)\]]$", "", name) for name in names]
     return [""] * len(layout.columns)
@@ -235,10 +247,10 @@ def _units(layout: _Layout) -> list[str]:
         key, above = _key(cells[0]), _above(layout, cells)
         values = [cell.rsplit(":", 1)[-1].lower() for cell in cells[1:] if cell]
         if key in ("verticalunits", "verticalunit", "vunit", "yunits") and values:
-            n_channels = len(units) - 1
-            units[1:] = values[:n_channels] if len(values) >= n_channels else [values[0]] * n_channels
+            for k, cell in enumerate(above):
+                units[k] = cell.rsplit(":", 1)[-1].lower() or values[0]
         elif key in ("horizontalunits", "horizontalunit", "hunit", "xunits") and values:
-            units[0] = values[0]
+            units[0] = values[0] if layout.columns[0] == 0 else units[0]
         else:
             is_line = any(above) and all(_is_unit(cell) for cell in above if cell)
             for k, cell in enumerate(above):
@@ -275,7 +287,7 @@ def _time_step_s(column: FloatArray, unit_s: float, texts: list[str], interval_s
     centred = column - column.mean()
     step = float(sample @ centred / max(sample @ sample, 1.0))
     exponents = (Decimal(text).as_tuple().exponent for text in texts)
-    digit = 10.0 ** min(exponent for exponent in exponents if isinstance(exponent, int))
+    digit = 10.0 ** float(np.median([exponent for exponent in exponents if isinstance(exponent, int)]))
     uneven = float(np.abs(centred - step * sample).max())
     if not step > 0 or uneven > 0.51 * digit + 0.02 * step + 1e-7 * float(np.abs(column).max()):  # 1e-7: 32-bit floats
         raise ValueError("the column of times must rise in even steps")

@@ -17,6 +17,7 @@ from pdpatrol.sensing.nature.pulses import unit_pulse_energy
 from pdpatrol.sensing.radio.surroundings import level_transform
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
+SHARED = Path(__file__).parents[4] / "shared"
 NOISE_V = 1e-3
 FOUR_OF_SIX = tuple(ElementConfig(azimuth_deg=azimuth) for azimuth in (90.0, 30.0, -30.0, -90.0))
 

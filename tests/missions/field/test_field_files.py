@@ -72,7 +72,7 @@ def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
         (hostile.packed({"waveforms": np.zeros(80_000_000)}), "must have at most 512 MB"),
         (npz(waveforms=np.ones(5)), r"waveforms must be numbers .* got float64 of shape \(5,\)"),
         (hostile.packed({"waveforms": np.ones((6, 400), int), "sample_rate_hz": np.array(2e10)}), "volts_per_count"),
-        (npz(sample_rate_hz=0.0), r"sample_rate_hz must be from 1e\+06 to 1e\+12, got 0"),
+        (npz(sample_rate_hz=0.0), r"sample_rate_hz must be from 0.001 to 1e\+15, got 0"),
         (npz(waveforms=np.full((6, 400), np.nan)), r"the largest sample in volts must be from 0 to 1e\+06, got nan"),
         (
             npz(waveforms=np.ones((2, 6 * 10**6))),
@@ -101,7 +101,7 @@ def test_waveforms_of_two_channels_are_refused(tmp_path: Path) -> None:
 
 def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
     (tmp_path / "w.csv").write_text("time_s,channel_1,channel_2,channel_3\n" + "0,nan,nan,nan\n" * 200)
-    with pytest.raises(InputFileError, match=r"line 2: waveform w.csv: line 2: channel_1 must be a number") as refused:
+    with pytest.raises(InputFileError, match=r"line 2: waveform w.csv: line 2 must have 4 numbers") as refused:
         read_field_data(table_of(tmp_path, "w.csv", n_rows=3))
     assert len(refused.value.faults) == 1
 
@@ -122,8 +122,12 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
         (f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n', "CSV|quoted"),
         (TEXT.encode("utf-16"), "must be UTF-8 text"),
         ("", "must have a header and at least one row"),
+        (
+            f"{HEADER}\n0,0,0,0,-12,-9,-10\n",
+            "strengths must be in volts, not in decibels: most are negative, such as -12",
+        ),
     ],
-    ids=range(13),
+    ids=range(14),
 )
 def test_wrong_table_is_refused_in_one_line(tmp_path: Path, text: str | bytes, message: str) -> None:
     (tmp_path / "t.csv").write_bytes(text if isinstance(text, bytes) else text.encode())

@@ -1,0 +1,135 @@
+"""Surveys of waveforms with clipped pulses, offsets, and several pulses in a record."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from statsmodels.stats.proportion import proportion_confint
+
+from dirmusic.pulses.clipping import Extremes, restored_strengths
+from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.report.records import Report
+from tests.missions.field.dialects import DIALECTS
+from tests.missions.field.recordings import OTHER_M, SOURCE_M, Recording, clipped, in_one_record, with_offsets
+
+KINDS: dict[Callable[[Path, int], Report], tuple[tuple[float, float, float], ...]] = {
+    clipped: (SOURCE_M,),
+    with_offsets: (SOURCE_M,),
+    in_one_record: (SOURCE_M, OTHER_M),
+}
+
+
+def scores(report: Report, source_m: tuple[float, float, float]) -> tuple[bool, bool]:
+    """Return whether a finding lies within 0.5 m of the source, and whether its 95 % ellipse holds the source."""
+    for finding in report.findings:
+        off_m = np.subtract(finding.position_m, source_m)[:2]
+        if np.hypot(*off_m) < 0.5:
+            ellipse = finding.ellipse95
+            along = off_m @ [np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)]
+            across = off_m @ [-np.sin(ellipse.angle_rad), np.cos(ellipse.angle_rad)]
+            return True, (along / ellipse.semi_major_m) ** 2 + (across / ellipse.semi_minor_m) ** 2 <= 1.0
+    return False, False
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_faulty_records_locate_their_sources(tmp_path: Path, kind: Callable[[Path, int], Report]) -> None:
+    report = kind(tmp_path, 1)
+    assert all(scores(report, source_m)[0] for source_m in KINDS[kind])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_faulty_records_hold_their_ellipses(tmp_path: Path, kind: Callable[[Path, int], Report]) -> None:
+    """At least 80 % of the sources are located, and their ellipses hold 95 %."""
+    scored = [scores(kind(tmp_path, seed), source_m) for seed in range(20) for source_m in KINDS[kind]]
+    located = [is_held for is_located, is_held in scored if is_located]
+    assert len(located) >= 0.8 * len(scored)
+    assert proportion_confint(sum(located), len(located), method="wilson")[1] >= 0.95
+
+
+def test_all_pulses_of_a_record_are_found(tmp_path: Path) -> None:
+    recording = Recording(2, SOURCE_M)
+    expected = read_field_data(recording.write(tmp_path))
+    recording.volts = [np.concatenate(volts, axis=-1)[np.newaxis] for volts in recording.volts]
+    joined = read_field_data(recording.write(tmp_path))
+    assert joined.step.tolist() == expected.step.tolist() == sorted([*range(10)] * 3)
+    np.testing.assert_allclose(joined.pulses.strengths_v, expected.pulses.strengths_v, rtol=0.02, atol=5e-4)
+
+
+def test_offsets_do_not_change_strengths(tmp_path: Path) -> None:
+    recording = Recording(3, SOURCE_M)
+    expected = read_field_data(recording.write(tmp_path))
+    data = read_field_data(recording.write(tmp_path, offsets_v=np.array([3e-3, 0, 0, -2e-3, 0, 0])))
+    np.testing.assert_allclose(data.pulses.strengths_v, expected.pulses.strengths_v, atol=1e-4)
+    (note,) = (each for each in data.notes if "offset" in each)
+    assert re.search(r"\+(3|3.0\d|2.9\d) mV in channel 1, -(2|2.0\d|1.9\d) mV in channel 4$", note)
+
+
+def test_text_of_each_vendor_gives_the_same_strengths(tmp_path: Path) -> None:
+    recording = Recording(4, SOURCE_M)
+    recording.volts = [np.round(volts[:1], 5) for volts in recording.volts]
+    table = recording.write(tmp_path, 1e-5)
+    expected = read_field_data(table)
+    for vendor, text in DIALECTS.items():
+        for k, volts in enumerate(recording.volts):
+            (tmp_path / f"{vendor}_{k}.csv").write_text(text(volts[0]))
+        other = tmp_path / "other.csv"
+        lines = table.read_text().splitlines()
+        rows = [f"{row.rpartition(',')[0]},{vendor}_{k}.csv" for k, row in enumerate(lines[1:])]
+        other.write_text("\n".join([lines[0], *rows]))
+        np.testing.assert_allclose(
+            read_field_data(other).pulses.strengths_v, expected.pulses.strengths_v, rtol=1e-3, atol=1e-6
+        )
+
+
+def test_files_per_channel_and_segments_give_the_same_strengths(tmp_path: Path) -> None:
+    recording = Recording(5, SOURCE_M)
+    expected = read_field_data(recording.write(tmp_path)).pulses.strengths_v
+    counts = [np.load(tmp_path / f"s{k}.npz")["waveforms"] for k in range(10)]
+    scale, names = np.array([2e-5, 4e-5, 2e-5, 2e-5, 2e-5, 2e-5]), ",".join(f"waveform_{c}" for c in range(1, 7))
+    rows, single = [f"time_s,x_m,y_m,yaw_deg,{names}"], ["time_s,x_m,y_m,yaw_deg,waveform,segment"]
+    poses = [f"{20 * k},{x:.3f},{y:.3f},{yaw:.2f}" for k, (x, y, yaw) in enumerate(recording.poses)]
+    for k, pose in enumerate(poses):
+        for c in range(6):
+            np.savez(
+                tmp_path / f"s{k}_{c}.npz",
+                waveforms=counts[k][:, c : c + 1] // (1 + (c == 1)),
+                volts_per_count=scale[c],
+                sample_rate_hz=20e9,
+            )
+        rows.append(",".join([pose, *(f"s{k}_{c}.npz" for c in range(6))]))
+        single += [f"{pose},all.npz,{3 * k + pulse + 1}" for pulse in range(3)]
+    np.savez(tmp_path / "all.npz", waveforms=np.concatenate(counts), volts_per_count=2e-5, sample_rate_hz=20e9)
+    for name, lines in (("rows.csv", rows), ("single.csv", single)):
+        (tmp_path / name).write_text("\n".join(lines))
+        strengths_v = read_field_data(tmp_path / name).pulses.strengths_v
+        np.testing.assert_allclose(strengths_v, expected, rtol=0.01, atol=5e-4)
+
+
+def test_rail_that_each_pulse_touches_once_is_found() -> None:
+    rng = np.random.default_rng(6)
+    records = [np.round(rng.normal(0.0, 3.0, (1, 2, 400))) for _ in range(8)]
+    for k, samples in enumerate(records):
+        samples[0, :, 200] = 100.0, 60.0 + 5 * k  # the second channel has another peak in each record
+    rails = Extremes.rails([Extremes.of(samples, np.ones(2)) for samples in records])
+    assert [is_rail.tolist() for is_rail in rails] == [[[False, False], [True, False]]] * 8
+
+
+def test_strength_is_restored_from_samples_between_the_rails() -> None:
+    rng, sample = np.random.default_rng(7), np.arange(90.0)
+    strengths_v, n = np.array([300.0, 90.0]), 200
+    errors = []
+    for _ in range(n):
+        delay = rng.uniform(0.0, 8.0, 2)[:, np.newaxis]
+        since = np.maximum(sample - 15.0 - delay, 0.0)
+        pulse = np.exp(-since / 14.0) * np.sin(0.6 * since)
+        pulse *= (strengths_v / np.sqrt(np.square(pulse).sum(axis=1)))[:, np.newaxis]
+        low_v, high_v = np.array([-25.0, -np.inf]), np.array([25.0, np.inf])
+        gate_v = np.clip(pulse + rng.standard_normal(pulse.shape), low_v[:, np.newaxis], high_v[:, np.newaxis])
+        restored = restored_strengths(gate_v, low_v, high_v, np.ones(2))
+        assert restored is not None
+        errors.append((restored[0][0] - strengths_v[0]) / np.sqrt(restored[1][0]))
+    assert abs(np.mean(errors)) < 0.7
+    assert 0.3 < np.std(errors) < 1.3
