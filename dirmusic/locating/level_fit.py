@@ -14,13 +14,13 @@ from dirmusic.locating.level_model import LevelLikelihood, LevelModel, LevelRows
 N_COARSE = 1600
 """Number of cells of the first grid (assumed). Errors of a decibel and more make the likelihood smooth over a cell."""
 
-NEGLECTED = 1e-4
+NEGLECTED = 1e-3
 """Part of the posterior in cells that are not refined (assumed)."""
 
-MAX_REFINED = 4000
+MAX_REFINED = 1000
 """Number of cells beyond which the posterior is wide enough for the cells that it has (assumed)."""
 
-CELLS_PER_STD = 4.0
+CELLS_PER_STD = 3.0
 """Number of cells per standard deviation at which the refinement ends (assumed)."""
 
 LARGEST_PART = 0.5

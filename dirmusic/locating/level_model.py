@@ -146,16 +146,18 @@ class LevelLikelihood:
         """
         size = max(1, BATCH // self.rows.level_db.size)
         batches = [position_m[start : start + size] for start in range(0, len(position_m), size)]
-        return np.array([np.concatenate([self._batch(batch, turn) for batch in batches]) for turn in turn_rad.tolist()])
+        return np.concatenate([self._batch(batch, turn_rad) for batch in batches], axis=1)
 
-    def _batch(self, position_m: FloatArray, turn_rad: float) -> FloatArray:
+    def _batch(self, position_m: FloatArray, turn_rad: FloatArray) -> FloatArray:
         rows, model = self.rows, self.model
         towards_m = position_m[:, np.newaxis] - rows.position_m
         decades_db = 10.0 * np.log10(np.maximum(np.linalg.norm(towards_m, axis=-1), model.least_range_m))
-        expected_db = model.source_db + model.gain_db(rows, towards_m, turn_rad) - model.exponent * decades_db
-        miss = (rows.level_db - expected_db) @ self._whitening.T
+        over_db = rows.level_db - model.source_db + model.exponent * decades_db
         slope = model.exponent_std * decades_db @ self._whitening.T
-        gain = 1.0 + np.square(slope).sum(axis=-1)  # of the determinant, for the exponent integrated out
-        chi2 = np.square(miss).sum(axis=-1) - np.square((slope * miss).sum(axis=-1)) / gain
+        growth = 1.0 + np.square(slope).sum(axis=-1)  # of the determinant, because the exponent is integrated out
+        miss = ((over_db - model.gain_db(rows, towards_m, turn)) @ self._whitening.T for turn in turn_rad.tolist())
+        chi2 = np.array(
+            [np.square(each).sum(axis=-1) - np.square((slope * each).sum(axis=-1)) / growth for each in miss]
+        )
         dof = model.degrees_of_freedom
-        return -0.5 * np.log(gain) - 0.5 * (dof + miss.shape[-1]) * np.log1p(chi2 / dof)
+        return -0.5 * np.log(growth) - 0.5 * (dof + rows.level_db.size) * np.log1p(chi2 / dof)

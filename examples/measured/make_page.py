@@ -8,7 +8,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import powder
 import rfid
+import wifi_robot
 from result import HEADINGS, Run
 
 PAGE = Path(__file__).parents[2] / "docs" / "measured.md"
@@ -23,7 +25,12 @@ def table(runs: list[Run]) -> str:
 
 def main(data: Path) -> None:
     """Evaluate all sets, print the tables and write the page."""
-    tables = {"rfid": table(rfid.evaluate(data / "rfid"))}
+    tables = {
+        "rfid": table(rfid.evaluate(data / "rfid")),
+        "wifi_robot": table(wifi_robot.evaluate(data / "wifi_robot")),
+        "powder": powder.evaluate(data / "powder"),
+        "powder two": powder.evaluate_two(data / "powder"),
+    }
     page = TEMPLATE.read_text(encoding="utf-8")
     for name, text in tables.items():
         sys.stdout.write(f"{name}\n\n{text}\n\n")

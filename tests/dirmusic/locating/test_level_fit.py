@@ -82,10 +82,12 @@ def test_position_in_space_is_located() -> None:
 
 
 def test_rows_at_one_place_count_as_few_where_errors_are_shared() -> None:
-    """Ten equal copies of a survey add next to nothing if neighbours share their errors."""
+    """Ten surveys at the same poses, which share their shadowing, add next to nothing."""
+    rng = np.random.default_rng(6)
     model = MODEL._replace(shadow_db=3.0, shadow_common=1.0, white_db=0.1)
-    rows = survey(model, TRUTH_M, np.random.default_rng(6))
+    rows = survey(model, TRUTH_M, rng)
     copies = LevelRows(*(np.concatenate([column] * 10) for column in rows))
+    copies = copies._replace(level_db=copies.level_db + rng.normal(0.0, 0.1, copies.level_db.size))
     assert located(copies, model).semi_major_m > 0.5 * located(rows, model).semi_major_m
 
 
