@@ -55,7 +55,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
         OSError: If FFmpeg or OpenGL is missing, or the film cannot be written.
     """
     time_s = log.column("step", "time_s")
-    if "scenario" not in log.meta or time_s.size == 0:
+    if "truth" not in log.meta or time_s.size == 0:
         raise ValueError("the log is not of a simulated mission; only a robot in its yard can be filmed")
     from imageio.v2 import get_writer  # an optional dependency
 

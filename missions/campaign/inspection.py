@@ -63,7 +63,7 @@ class InspectionLog:
         bounds_m: South-west and north-east corner of the ground, shape (2, 2).
         yard: Yard as shown on the map; None without a map.
         map_accuracy_m: Believed accuracy of the map, see `MapConfig`.
-        is_field_data: True for field data, which have no map and one step for each pose.
+        is_field_data: True for field data, which have one step for each pose.
         manifold: Manifold of the array according to its data sheet.
         array_height_m: Height of the array above the ground.
         pose: Pose at each step: x m, y m, yaw rad, world frame, shape (n, 3).

@@ -14,9 +14,9 @@ def export(
 ) -> None:
     """Write a mission in the formats of other tools.
 
-    The files are findings.csv for spreadsheets; findings.geojson for maps, if the scenario has a table
-    `[georeference]`; steps.parquet and pulses.parquet for data frames; and mission.mcap for ROS 2 and Foxglove, with
-    poses, transforms, lidar scans, and markers for the yard, bearings and findings.
+    The files are findings.csv for spreadsheets; findings.geojson for maps, if the scenario has a table `[georeference]`
+    or the survey was located with --georeference; steps.parquet and pulses.parquet for data frames; and mission.mcap
+    for ROS 2 and Foxglove, with poses, transforms, lidar scans, and markers for the yard, bearings and findings.
 
     Args:
         folder: Folder of a mission, as written by `pdpatrol run` or `pdpatrol locate`.
@@ -27,4 +27,5 @@ def export(
         written = export_mission(log, target)
     print_written(target, *written)
     if "findings.geojson" not in written:
-        note("findings.geojson was not written, because the scenario has no table [georeference]")
+        why = "locate had no --georeference" if "field_data" in log.meta else "the scenario has no table [georeference]"
+        note(f"findings.geojson was not written, because {why}")

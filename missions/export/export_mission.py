@@ -15,6 +15,7 @@ from dirmusic.locating.finding import outline95
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
+from pdpatrol.missions.record.log_contents import georeference_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import FindingRecord, Scores, SourceMatch
@@ -24,7 +25,7 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     """Write all exports into an existing folder, each file complete or not at all.
 
     Returns:
-        Names of the files; without findings.geojson if the scenario has no georeference.
+        Names of the files; without findings.geojson if no georeference is known.
 
     Raises:
         OSError: If a file cannot be written.
@@ -39,11 +40,8 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
         "pulses.parquet": partial(_pulses(log).to_parquet, index=False),
         "mission.mcap": partial(write_ros2_recording, log),
     }
-    reference = log.meta.get("scenario", {}).get("georeference")
-    if reference is not None:
-        writers["findings.geojson"] = partial(
-            _write_geojson, located, facts, GeoreferenceConfig.model_validate(reference)
-        )
+    if (reference := georeference_of(log)) is not None:
+        writers["findings.geojson"] = partial(_write_geojson, located, facts, reference)
     for name, write in writers.items():
         with atomic_file(folder / name) as temporary:
             write(temporary)

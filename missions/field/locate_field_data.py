@@ -6,7 +6,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 from threadpoolctl import threadpool_limits
 
 from dirmusic import (
@@ -28,13 +28,21 @@ from dirmusic.arrays import FloatArray
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
+from pdpatrol.envs.scenario import Scenario, load_scenario
 from pdpatrol.envs.scenario.array import read_calibration
+from pdpatrol.envs.scenario.base import error_lines
+from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
+from pdpatrol.envs.scenario.radio import surroundings_of
+from pdpatrol.envs.scenario.robot import PoseSensorConfig
 from pdpatrol.missions.field.doubts import doubts
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
+from pdpatrol.robot_models.world import describe_equipment
+from pdpatrol.sensing import ArrayConfig, ElementConfig
+from pdpatrol.sensing.radio.transmission import Sight
 
 FIELD_RULES = LocatingRules(refit_s=np.inf)
 """Rules for data recorded by people, which are refitted when `locate_field_data` decides."""
@@ -106,12 +114,18 @@ class FieldLocator:
             heading_rad=math.radians(survey.heading_std_deg),
             correlation_s=survey.pose_correlation_s,
         )
-        self.log = MissionLog(_meta(data, array, survey, margin_m))
+        scenario = _scenario_of(array, survey)
+        fence_m, sight = survey.yard_m, None
+        if scenario is not None:
+            fence_m, sight = scenario.yard.size_m, Sight(surroundings_of(scenario.yard))
+        low, high = data.pose[:, :2].min(axis=0) - margin_m, data.pose[:, :2].max(axis=0) + margin_m
+        bounds_m = [low.tolist(), high.tolist()] if fence_m is None else [[0.0, 0.0], list(fence_m)]
+        self.log = MissionLog(_meta(data, array, survey, scenario, bounds_m))
         if survey.pattern is not None:
             self.log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
         self._name, self._channels = data.path.name, data.channels
         self._monitor = ChannelMonitor(array, maximum_likelihood)
-        locator = Locator(array, pose_error, fence_m=survey.yard_m, rules=rules)
+        locator = Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
         self._tracker = Tracker(self.log, locator, array, pose_error, rules.max_std_rad)
         self._is_refitted = np.isinf(rules.refit_s)
         self._start_s, self._due_s, self._refitted_step, self._n_clipped = np.inf, np.inf, 0, 0
@@ -132,7 +146,7 @@ class FieldLocator:
             pulses, suspects = self._monitor.watch(data.pulses)
             for suspect in suspects:  # numbered as in the files, including the dead channels
                 recorded = suspect._replace(channel=int(self._channels[suspect.channel - 1]) + 1)
-                self.log.event("channel fault", f"{recorded}: left out")
+                self.log.event("channel fault", f"{recorded}: left out", suspect.channel)
             self._n_clipped += np.count_nonzero(pulses.is_overdriven)
             first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
             for step, (time_s, pose) in enumerate(zip(data.time_s.tolist(), data.pose, strict=True)):
@@ -178,6 +192,7 @@ class FieldLocator:
                     "noise (deviations, volts?)",
                 )
             self._tracker.finish(self._name, None, self._calibration)
+            self._tracker.renumber()
         if n_used and not self.log.column("association", "finding").any():
             text = (
                 f"no finding explains any of {n_used} pulses: few poses, or wrong boresights, pattern or order of "
@@ -208,10 +223,51 @@ def locate_field_data(
     return locator.finish()
 
 
-def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions, margin_m: float) -> dict[str, Any]:
+def _scenario_of(array: ArrayModel, survey: SurveyOptions) -> Scenario | None:
+    """Return the yard, receiver and level of inspection of `--yard`, with the array that took the data; None without.
+
+    Raises:
+        InputFileError: If the file or the array cannot be used.
+    """
+    if survey.yard is None:
+        return None
+    if survey.yard_m is not None:
+        raise InputFileError(["--yard-m: must not be given with --yard, which states the size of the yard"])
+    file = load_scenario(str(survey.yard))
+    try:
+        return Scenario(
+            name=file.name,
+            yard=file.known_yard,
+            map=MapConfig(accuracy_m=file.map.accuracy_m),
+            route=file.route,
+            robot=file.robot,
+            receiver=file.receiver,
+            inspection=file.inspection,
+            georeference=file.georeference,
+            array=ArrayConfig(
+                elements=tuple(ElementConfig(azimuth_deg=float(a)) for a in np.degrees(array.manifold.boresights_rad)),
+                ring_radius_m=survey.ring_radius_m,
+                height_m=survey.height_m,
+                pattern=None if survey.pattern is None else str(survey.pattern.absolute()),
+                gain_error=survey.gain_error,
+                pointing_error_deg=survey.pointing_error_deg,
+                gain_offset=survey.gain_offset,
+            ),
+            pose_sensor=PoseSensorConfig(
+                position_std_m=survey.position_std_m,
+                heading_std_deg=survey.heading_std_deg,
+                correlation_s=survey.pose_correlation_s,
+            ),
+        )
+    except ValidationError as error:
+        raise InputFileError([f"--yard {survey.yard}: {line}" for line in error_lines(error, Scenario)]) from None
+
+
+def _meta(
+    data: FieldData, array: ArrayModel, survey: SurveyOptions, scenario: Scenario | None, bounds_m: list[list[float]]
+) -> dict[str, Any]:
     """Return the metadata of the survey."""
-    low, high = data.pose[:, :2].min(axis=0) - margin_m, data.pose[:, :2].max(axis=0) + margin_m
-    return {
+    meta: dict[str, Any] = {
         "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
         "name": data.path.stem,
         "seed": None,
@@ -224,6 +280,14 @@ def _meta(data: FieldData, array: ArrayModel, survey: SurveyOptions, margin_m: f
         },
         "n_elements": array.manifold.n_elements,
         "array": describe_array(array),
-        "bounds_m": [low.tolist(), high.tolist()] if survey.yard_m is None else [[0.0, 0.0], survey.yard_m],
+        "bounds_m": bounds_m,
         "settings": {"survey": TypeAdapter(SurveyOptions).dump_python(survey, mode="json")},
     }
+    if survey.georeference is not None:
+        meta["georeference"] = dict(zip(GeoreferenceConfig.model_fields, survey.georeference, strict=True))
+    if scenario is not None:
+        yard = scenario.yard
+        meta["scenario"] = scenario.model_dump(mode="json")
+        meta["sites"] = {name: yard.site_position(name).tolist() for name in yard.site_names()}
+        meta["solids"] = {"map": describe_equipment(yard.equipment)}
+    return meta

@@ -1,7 +1,6 @@
 """Array, receiver, poses and yard of a survey, as the options of `pdpatrol locate` state them."""
 
-from dataclasses import dataclass, field
-from datetime import date as calendar_date
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -15,6 +14,12 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Metres = Annotated[float, Field(ge=0, le=100)]
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e6)]
+Georeference = tuple[
+    Annotated[float, Field(ge=-85, le=85)],
+    Annotated[float, Field(ge=-180, le=180)],
+    Annotated[float, Field(ge=-360, le=360)],
+]
+"""Values of `GeoreferenceConfig`, in order."""
 
 Heading = Literal["counterclockwise", "compass", "clockwise"]
 
@@ -69,10 +74,14 @@ class SurveyOptions:
         position_std_m: Standard deviation of the poses' x and y.
         heading_std_deg: Standard deviation of their heading.
         pose_correlation_s: Correlation time of the errors of the poses.
-        yard_m: Length of the yard along x and y from its corner at 0 0; findings outside are marked.
+        yard: Scenario file of the yard whose frame the poses are in: its equipment is the map, by which sites are named
+            and sight is known; `[map]`, `[receiver]` and `[inspection]` state which discharges are excluded where.
+        yard_m: Length of the yard along x and y from its corner at 0 0, without --yard; findings outside are marked.
+        georeference: Latitude and longitude of the origin, degrees on WGS 84, north and east positive, and direction
+            of the y axis, degrees clockwise from true north, for maps that `pdpatrol export` writes.
         pose_topic: Topic of the poses in a recording of ROS 2.
         pulse_topic: Topic of the pulses in it.
-        date: Date of the survey, which `pdpatrol trend` sorts by. Default: today.
+        date: Date of the survey, which `pdpatrol trend` sorts by.
     """
 
     heading: Heading = "counterclockwise"
@@ -89,9 +98,9 @@ class SurveyOptions:
     position_std_m: Metres = 0.05
     heading_std_deg: Annotated[Degrees, Field(ge=0)] = 0.5
     pose_correlation_s: Positive = 5.0
+    yard: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
     yard_m: tuple[Positive, Positive] | None = None
+    georeference: Annotated[Georeference | None, tyro.conf.arg(metavar="LAT LON HEADING")] = None
     pose_topic: Annotated[str, tyro.conf.arg(metavar="TOPIC")] = "/pose"
     pulse_topic: Annotated[str, tyro.conf.arg(metavar="TOPIC")] = "/pulses"
-    date: Annotated[Day, tyro.conf.arg(metavar="YYYY-MM-DD")] = field(
-        default_factory=lambda: calendar_date.today().isoformat()
-    )
+    date: Annotated[Day | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None

@@ -9,7 +9,7 @@ from dirmusic import ArrayModel, GainManifold, GainPattern, GaussianPattern, Tab
 from dirmusic.angles import azimuth_of, difference
 from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.envs import Scenario
-from pdpatrol.envs.scenario.map import MapConfig
+from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.robot_models.yard.yard import Yard
@@ -64,18 +64,24 @@ def grid_of(meta: Mapping[str, Any]) -> Grid:
 
 
 def map_of(log: MissionLog) -> MapConfig:
-    """Return the table `[map]` of the mission; the default for field data, which have no scenario."""
+    """Return the table `[map]` of the mission; the default for field data without a map."""
     return MapConfig.model_validate(log.meta.get("scenario", {}).get("map", {}), strict=False)
 
 
+def georeference_of(log: MissionLog) -> GeoreferenceConfig | None:
+    """Return the position on Earth that a survey states, or else its scenario; None if neither does."""
+    reference = log.meta.get("georeference") or log.meta.get("scenario", {}).get("georeference")
+    return reference and GeoreferenceConfig.model_validate(reference, strict=False)
+
+
 def known_yard(log: MissionLog) -> Yard | None:
-    """Return the yard as the map of the mission shows it; None for field data."""
+    """Return the yard as the map of the mission shows it; None for field data without a map."""
     yard = true_yard(log)
     return yard and map_of(log).of(yard)
 
 
 def true_yard(log: MissionLog) -> Yard | None:
-    """Return the true yard; None for field data."""
+    """Return the true yard; that of the map for field data, and None without one."""
     if "scenario" not in log.meta:
         return None
     return Yard.model_validate(log.meta["scenario"]["yard"], strict=False)

@@ -178,6 +178,13 @@ class MissionLog:
         for column, values in columns.items():
             rows[column].extend(values)
 
+    def replace(self, table: str, **columns: Sequence[Any] | NDArray[Any]) -> None:
+        """Replace all values of some columns of a table; each must have a value for every row."""
+        for column, values in columns.items():
+            if len(values) != self.n_rows(table):
+                raise ValueError(f"table {table} has {self.n_rows(table)} rows, got {len(values)} values of {column}")
+            self._rows[table][column] = list(values)
+
     def event(self, kind: EventKind, text: str, number: int = 0, subject: str = "") -> None:
         """Add something that happened in the last step.
 

@@ -24,6 +24,9 @@ from pdpatrol.missions.record.which_site import percent
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
+FINDING_EVENTS = ("candidate", "confirmed", "outside", "possibly two", "dropped")
+"""Kinds of the events of a finding."""
+
 LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
 """Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; by
 then the robot is elsewhere, and a survey of several days does not need one for each place."""
@@ -149,6 +152,26 @@ class Tracker:
             }
             for text in estimate.contradictions():
                 self._log.event("array", text)
+
+    def renumber(self) -> None:
+        """Renumber the findings in the log from 1: confirmed ones first, then the others, then those that were dropped.
+
+        For logs that nobody has seen yet; a mission keeps the numbers that its findings had from the beginning.
+        """
+        log, events = self._log, self._log.table("event")
+        ids, owner = log.column("finding", "id").tolist(), log.column("association", "finding").tolist()
+        shown = sorted(self.findings, key=lambda finding: (finding.state != "confirmed", finding.id))
+        order = dict.fromkeys([0, *(finding.id for finding in shown), *ids])
+        new = {old: number for number, old in enumerate(order)}
+        log.replace("finding", id=[new[old] for old in ids])
+        log.replace("association", finding=[new[old] for old in owner])
+        numbers, texts = events["number"].tolist(), events["text"].tolist()
+        for row in np.flatnonzero(np.isin(events["kind"], FINDING_EVENTS)).tolist():
+            noun, _, rest = texts[row].split(" ", 2)  # all these texts begin with "finding 3" or "candidate 3"
+            numbers[row] = new[numbers[row]]
+            texts[row] = f"{noun} {numbers[row]} {rest}"
+        log.replace("event", number=numbers, text=texts)
+        self.findings = tuple(replace(finding, id=new[finding.id]) for finding in shown)
 
     @property
     def _contradicts_calibration(self) -> bool:

@@ -43,7 +43,7 @@ class Recorder:
         )
         self._log = log
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
-        self._bin_steps = 5 if "scenario" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
+        self._bin_steps = 5 if "truth" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
         self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
         self.stream.send_recording_name(title)
         draw_scene(self.stream, log.meta)

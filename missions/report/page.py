@@ -67,6 +67,7 @@ def report_page(log: MissionLog, report: Report) -> str:
         subject=title_text(log.meta),
         report=report,
         field=log.meta.get("field_data", {}),
+        has_map="scenario" in log.meta,
         summary=summary_text(report),
         plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),
         patterns=patterns,
@@ -84,7 +85,7 @@ def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
 
     Yard and route are omitted because the plan shows them, and sources because they are the truth.
     """
-    known, lines = meta.get("scenario") or meta.get("settings", {}), dict[str, str]()
+    known, lines = meta.get("settings") or meta.get("scenario", {}), dict[str, str]()
     for name in ("survey", "array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):
         values = [
             f"{key} {value}"

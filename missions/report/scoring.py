@@ -52,7 +52,7 @@ def score_mission(
         The scores; None if the truth is not known.
     """
     yard, known = true_yard(log), known_yard(log)
-    if yard is None or known is None:
+    if yard is None or known is None or "truth" not in log.meta:
         return None
     truths = log.meta["truth"]["sources"]
     configs = [SourceConfig.model_validate(config, strict=False) for config in log.meta["scenario"]["sources"]]
