@@ -205,7 +205,7 @@ def test_invalid_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[
         ("a.csv", b"angle_deg;gain\n0;1.000,5\n", "line 2: gain: must be an amplitude ratio"),
         ("a.csv", b"\xff\xfea\x00n\x00", "must be UTF-8 text"),
         ("a.csv", b"angle_deg,gain\n0,1e999\n", "1e999"),
-        ("a.txt", b"three lines\nof\ntext\n", "must be an MSI Planet file with a line HORIZONTAL, or a CSV table"),
+        ("a.txt", b"lines\nof\ntext\n", "an MSI Planet file with a line HORIZONTAL, a far field, or a CSV table"),
         ("a.csv", b"angle_deg,gain\n0,1\n90,1\n180,1\n270,1\n360,3\n", "0 and 360 degrees differ by 9.5 dB"),
         ("a.csv", b"frequency_hz,angle_deg,gain\n1e9,0,1\n1e9,9,1\n2e9,0,1\n", "2e\\+09, angle_deg 9 is missing"),
         ("a.csv", b"frequency_hz,angle_deg,gain\n1,0,1\n", "line 2: frequency_hz: must be 1e6 to 1e12 Hz, got '1'"),
