@@ -20,6 +20,7 @@ MAX_BYTES = 100_000_000
 """Largest size of a file. Assumed; the shipped patterns over all directions and frequencies have 0.14 MB."""
 
 AXES = ("frequency_ghz", "azimuth_deg", "elevation_deg")
+FREQUENCIES = ("frequency_hz", "frequency_ghz")
 LIMITS = {
     "angle_deg": (-720.0, 720.0, "-720 to 720 degrees"),
     "frequency_hz": (1e6, 1e12, "1e6 to 1e12 Hz"),
@@ -76,7 +77,7 @@ def _read_plane(path: Path) -> TabulatedPattern:
     """Read the pattern of a CSV table in the plane."""
     names, rows = _read_csv(path)
     names = ["angle_deg" if name == "azimuth_deg" else name for name in names]
-    if frequency := next((name for name in names if name.startswith("frequency")), None):
+    if frequency := next((name for name in names if name in FREQUENCIES), None):
         return _tabulated(path, *_over_band(path, names, rows, frequency))
     return _tabulated(path, *_one_turn(path, names, rows))
 

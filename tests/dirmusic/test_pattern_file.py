@@ -209,6 +209,7 @@ def test_invalid_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[
         ("a.csv", b"angle_deg,gain\n0,1\n90,1\n180,1\n270,1\n360,3\n", "0 and 360 degrees differ by 9.5 dB"),
         ("a.csv", b"frequency_hz,angle_deg,gain\n1e9,0,1\n1e9,9,1\n2e9,0,1\n", "2e\\+09, angle_deg 9 is missing"),
         ("a.csv", b"frequency_hz,angle_deg,gain\n1,0,1\n", "line 2: frequency_hz: must be 1e6 to 1e12 Hz, got '1'"),
+        ("a.csv", b"frequency_mhz,angle_deg,gain\n1,0,1\n", "got frequency_mhz, angle_deg, gain"),
         ("none.csv", None, "cannot be read"),
         ("a.msi", b"NAME x\nGAIN 9 dBi\n", "must be an MSI Planet file with a line HORIZONTAL"),
         ("a.msi", b"HORIZONTAL 1\n0 0\nHORIZONTAL 1\n0 0\n", "line 3: must have one line .* HORIZONTAL"),
