@@ -183,32 +183,45 @@ def read_far_field(path: Path, text: str) -> tuple[SpatialPattern, str] | None:
 def _in_axes_of_file(fields: list[FarField]) -> SpatialPattern:
     """Make a pattern over azimuth phi and elevation 90 degrees - theta."""
     frequency_hz = np.unique([field.frequency_hz for field in fields])
-    tables: list[FloatArray] = []
+    if not frequency_hz.size:
+        raise ValueError("must have a frequency and its rows")
+    grids: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     for frequency in frequency_hz:
         own = [field for field in fields if field.frequency_hz == frequency]
-        theta, phi, gain = (np.concatenate([field[i] for field in own]) for i in (1, 2, 3))
-        turned = np.where(np.mod(theta, 360.0) > 180.0, 180.0, 0.0)  # negative theta is the other side of the z axis
-        theta = np.round(np.abs(np.mod(theta + 180.0, 360.0) - 180.0), 6)
-        phi = np.round(np.mod(phi + turned, 360.0), 6) % 360.0
-        axes, places = zip(*(np.unique(axis, return_inverse=True) for axis in (phi, 90.0 - theta)), strict=True)
-        if axes[0].size * axes[1].size > 3 * gain.size:
-            raise ValueError("must be on a grid of theta and phi")
-        count, total = np.zeros((2, *(axis.size for axis in axes)))
-        np.add.at(count, places, 1.0)
-        np.add.at(total, places, gain)
-        for end in (0, -1):
-            if abs(axes[1][end]) == 90.0:  # all phi are one direction
-                total[:, end], count[:, end] = total[:, end].sum(), count[:, end].sum()
-        if not count.all():
-            at = np.argwhere(count == 0)[0]
-            raise ValueError(f"theta {90.0 - axes[1][at[1]]:g}, phi {axes[0][at[0]]:g} degrees is missing")
-        tables.append(total / count)
-        if tables[0].shape != tables[-1].shape:
-            raise ValueError("must have the same directions at all frequencies")
-    gain = np.stack(tables)
-    return SpatialPattern(
-        frequency_hz, np.radians(axes[0]), np.radians(axes[1]), np.maximum(gain, LEAST_GAIN * gain.max())
-    )
+        theta_deg, phi_deg, gain = (np.concatenate([field[i] for field in own]) for i in (1, 2, 3))
+        grids.append(_on_grid(theta_deg, phi_deg, gain))
+    azimuth_deg, elevation_deg, first = grids[0]
+    if any(table.shape != first.shape for _, _, table in grids):
+        raise ValueError("must have the same directions at all frequencies")
+    gain = np.stack([table for _, _, table in grids])
+    gain = np.maximum(gain, LEAST_GAIN * gain.max())
+    return SpatialPattern(frequency_hz, np.radians(azimuth_deg), np.radians(elevation_deg), gain)
+
+
+def _on_grid(theta_deg: FloatArray, phi_deg: FloatArray, gain: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arrange gains on a grid; those of one direction are averaged.
+
+    Returns:
+        Azimuths in [0, 360), elevations, and gains, shape (n_azimuths, n_elevations).
+    """
+    turned_deg = np.where(np.mod(theta_deg, 360.0) > 180.0, 180.0, 0.0)  # negative theta is beyond the z axis
+    theta = np.round(np.abs(np.mod(theta_deg + 180.0, 360.0) - 180.0), 6)
+    azimuth_deg, column = np.unique(np.round(np.mod(phi_deg + turned_deg, 360.0), 6) % 360.0, return_inverse=True)
+    elevation_deg, row = np.unique(90.0 - theta, return_inverse=True)
+    shape = azimuth_deg.size, elevation_deg.size
+    if shape[0] * shape[1] > 3 * gain.size:
+        raise ValueError("must be on a grid of theta and phi")
+    count, total = np.zeros(shape), np.zeros(shape)
+    np.add.at(count, (column, row), 1.0)
+    np.add.at(total, (column, row), gain)
+    for end in (0, -1):
+        if abs(elevation_deg[end]) == 90.0:  # all phi are one direction
+            total[:, end], count[:, end] = total[:, end].sum(), count[:, end].sum()
+    missing = np.argwhere(count == 0.0)
+    if missing.size:
+        i, j = missing[0]
+        raise ValueError(f"theta {90.0 - elevation_deg[j]:g}, phi {azimuth_deg[i]:g} degrees is missing")
+    return azimuth_deg, elevation_deg, total / count
 
 
 def _towards_boresight(pattern: SpatialPattern) -> tuple[SpatialPattern, str]:
