@@ -1,4 +1,4 @@
-"""Reading of pattern files: CSV tables, in the plane or over azimuth, elevation and frequency, and MSI Planet files."""
+"""Reading of pattern files: CSV tables in the plane or in space, MSI Planet files, and far fields of simulators."""
 
 import csv
 import warnings
@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dirmusic.array.far_field_file import read_far_field
 from dirmusic.array.pattern import TabulatedPattern
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.arrays import FloatArray
-from dirmusic.input_file import InputFileError, InputFileWarning, delimiter_of, read_lines
+from dirmusic.input_file import InputFileError, InputFileWarning, delimiter_of, read_lines, read_whole
 
 Rows = list[tuple[int, list[str]]]
 """Line number in the file and cells of each row of a table."""
@@ -19,6 +20,7 @@ MAX_BYTES = 100_000_000
 """Largest size of a file. Assumed; the shipped patterns over all directions and frequencies have 0.14 MB."""
 
 AXES = ("frequency_ghz", "azimuth_deg", "elevation_deg")
+FREQUENCIES = ("frequency_hz", "frequency_ghz")
 LIMITS = {
     "angle_deg": (-720.0, 720.0, "-720 to 720 degrees"),
     "frequency_hz": (1e6, 1e12, "1e6 to 1e12 Hz"),
@@ -43,7 +45,7 @@ Assumed: 6 dB are more than the drift of a measurement."""
 
 
 def read_pattern(path: str | Path) -> TabulatedPattern:
-    """Read the pattern of one element in the plane from a CSV table or an MSI Planet file, whatever its name.
+    """Read the pattern of one element in the plane from a CSV table or another file, whatever its name.
 
     A CSV table has the columns `angle_deg` (angle off boresight, counter-clockwise: azimuth - boresight) and `gain`
     (amplitude ratio) or `gain_db`. Angles must increase and span at most one turn; a last row exactly one turn after
@@ -57,6 +59,9 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
     attenuation relative to the peak in decibels, 0 or more; and `VERTICAL`, with angles downwards from the boresight.
     The vertical cut is used for directions in space where it differs from the horizontal one; see `gain_in_space`.
 
+    From a table over all directions (`read_spatial_pattern`) or a far field of a simulator (`far_field_file`), the cut
+    at elevation 0 is used, the rms over the band.
+
     Warns:
         InputFileWarning: If gains of one direction differ and are averaged, or if a vertical cut cannot be used.
 
@@ -64,12 +69,15 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
         InputFileError: If the file cannot be read, a cell or an angle is invalid, or a gap between angles is too wide;
             the message gives file and line.
     """
-    path = Path(path)
-    if blocks := _msi_blocks(path):
-        return _read_msi(path, blocks)
+    pattern = read_any_pattern(path)
+    return pattern.cut() if isinstance(pattern, SpatialPattern) else pattern
+
+
+def _read_plane(path: Path) -> TabulatedPattern:
+    """Read the pattern of a CSV table in the plane."""
     names, rows = _read_csv(path)
     names = ["angle_deg" if name == "azimuth_deg" else name for name in names]
-    if frequency := next((name for name in names if name.startswith("frequency")), None):
+    if frequency := next((name for name in names if name in FREQUENCIES), None):
         return _tabulated(path, *_over_band(path, names, rows, frequency))
     return _tabulated(path, *_one_turn(path, names, rows))
 
@@ -190,15 +198,22 @@ def read_spatial_pattern(path: str | Path) -> SpatialPattern:
 
 
 def read_any_pattern(path: str | Path) -> TabulatedPattern | SpatialPattern:
-    """Read a pattern over all directions if the file has a column `elevation_deg`, else a pattern in the plane.
+    """Read a pattern over all directions if the file has them, else a pattern in the plane.
+
+    Warns:
+        InputFileWarning: See `read_pattern`; and to say how a far field of a simulator was read.
 
     Raises:
         InputFileError: See `read_pattern` and `read_spatial_pattern`.
     """
     path = Path(path)
-    if not _msi_blocks(path) and "elevation_deg" in _read_csv(path)[0]:
-        return read_spatial_pattern(path)
-    return read_pattern(path)
+    if blocks := _msi_blocks(path):
+        return _read_msi(path, blocks)
+    if far_field := read_far_field(path, read_whole(path, MAX_BYTES).decode(errors="replace")):
+        pattern, note = far_field
+        warnings.warn(InputFileWarning(f"{path}: {note}"), stacklevel=2)
+        return pattern
+    return read_spatial_pattern(path) if "elevation_deg" in _read_csv(path)[0] else _read_plane(path)
 
 
 def _read_csv(path: Path) -> tuple[list[str], Rows]:
@@ -220,7 +235,7 @@ def _msi_blocks(path: Path) -> dict[str, Rows]:
 
     The header may have any encoding.
     """
-    lines = [(number, line.split()) for number, line in read_lines(path, MAX_BYTES, "replace")]
+    lines = [(number, words) for number, line in read_lines(path, MAX_BYTES, "replace") if (words := line.split())]
     blocks: dict[str, Rows] = {}
     for k, (number, words) in enumerate(lines):
         block = words[0].upper()
@@ -249,8 +264,8 @@ def _numbers(path: Path, names: list[str], rows: Rows, axes: tuple[str, ...]) ->
     if sorted(names) != sorted([*axes, kind]):
         raise InputFileError(
             [
-                f"{path}: must be an MSI Planet file with a line HORIZONTAL, or a CSV table whose columns are "
-                f"{', '.join(axes)} and either gain or gain_db, got {', '.join(names):.200}"
+                f"{path}: must be an MSI Planet file with a line HORIZONTAL, a far field, or a CSV table whose columns "
+                f"are {', '.join(axes)} and either gain or gain_db, got {', '.join(names):.200}"
             ]
         )
     values = np.empty((len(names), len(rows)))

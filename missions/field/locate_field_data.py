@@ -64,8 +64,9 @@ def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
         raise InputFileError([f"--boresights-deg must have one number per channel, {n}, got {boresights.size}"])
     pattern = GaussianPattern() if survey.pattern is None else read_pattern(survey.pattern)
     try:
-        manifold = GainManifold(pattern, boresights).take(data.channels)
-        check_azimuths_differ(manifold)
+        complete = GainManifold(pattern, boresights)
+        check_azimuths_differ(complete)
+        manifold = complete.take(data.channels)
     except ValueError as error:
         raise InputFileError([f"--pattern, --boresights-deg: {error}"]) from None
     forward, left = np.cos(manifold.boresights_rad), np.sin(manifold.boresights_rad)

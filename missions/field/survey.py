@@ -57,7 +57,8 @@ class SurveyOptions:
         heading: What yaw_deg holds: angles counter-clockwise or clockwise from the x axis, or compass headings,
             clockwise from the y axis, which then points north.
         pattern: Measured pattern of one element: a CSV table with angle_deg and gain or gain_db, over frequency_hz if
-            need be, or an MSI Planet file. Default: eq. (1) of the Dir-MUSIC paper.
+            need be; an MSI Planet file; or a far field of NEC, FEKO, CST, HFSS or TICRA. Default: eq. (1) of the
+            Dir-MUSIC paper.
         boresights_deg: Azimuth of each channel's element, counter-clockwise from straight ahead. Default: a ring of
             six, 90 30 -30 -90 -150 150, or its first four; for other numbers of channels, an evenly spaced ring,
             clockwise from 90.
