@@ -25,6 +25,10 @@ NEAR_M = 300.0
 """Of two emitters at once, every fourth sample is evaluated, on a grid of 14 x 14 cells of about 200 m (assumed)."""
 
 ABSENT_DB = -100.9
+MARGIN_DB = 4.0
+"""A level counts as signal if it exceeds its receiver's noise by this margin (assumed). The noise is the 5 % quantile
+of a receiver's levels. With all levels, a fifth of the located emitters lie outside their ellipses."""
+
 SHADOW_DB, SHADOW_LENGTH_M = 3.0, 300.0
 """Errors that receivers near each other share (assumed): hills and buildings."""
 
@@ -72,9 +76,10 @@ def read_samples(folder: Path, name: str) -> Samples:
 
 
 class Calibration(NamedTuple):
-    """Gain of each receiver at 1 m, exponent, rms of the residuals, and that of the means of samples."""
+    """Gain of each receiver at 1 m, noise, exponent, rms of the residuals, and that of the means of samples."""
 
     gain_db: FloatArray
+    noise_db: FloatArray
     exponent: float
     error_db: float
     source_std_db: float
@@ -83,17 +88,19 @@ class Calibration(NamedTuple):
 def calibrate(samples: Samples) -> Calibration:
     """Fit gains of all receivers and one exponent to samples of known emitters, by least squares."""
     n_receivers = samples.level_db.shape[1]
-    sample, receiver = np.nonzero(np.isfinite(samples.level_db))
+    columns = [each[np.isfinite(each)] for each in samples.level_db.T]
+    noise_db = np.array([np.quantile(each, 0.05) if each.size else 0.0 for each in columns])
+    sample, receiver = np.nonzero(samples.level_db > noise_db + MARGIN_DB)
     level_db = samples.level_db[sample, receiver]
     decades_db = _decades_db(samples.receiver_m - samples.emitter_m)[sample, receiver]
-    columns = np.column_stack([receiver[:, np.newaxis] == np.arange(n_receivers), -decades_db]).astype(np.float64)
-    normal = columns.T @ columns + 1e-6 * np.eye(n_receivers + 1)
-    *gain_db, exponent = np.linalg.solve(normal, columns.T @ level_db)
-    residual_db = level_db - columns @ [*gain_db, exponent]
+    design = np.column_stack([receiver[:, np.newaxis] == np.arange(n_receivers), -decades_db]).astype(np.float64)
+    normal = design.T @ design + 1e-6 * np.eye(n_receivers + 1)
+    *gain_db, exponent = np.linalg.solve(normal, design.T @ level_db)
+    residual_db = level_db - design @ [*gain_db, exponent]
     count = np.maximum(np.bincount(sample), 1)
     mean_db = np.bincount(sample, residual_db) / count
     source_std_db = float(mean_db[count > 3].std())
-    return Calibration(np.array(gain_db), float(exponent), float(residual_db.std()), source_std_db)
+    return Calibration(np.array(gain_db), noise_db, float(exponent), float(residual_db.std()), source_std_db)
 
 
 class Survey(NamedTuple):
@@ -123,8 +130,10 @@ class Survey(NamedTuple):
         return cls(known, model, box_m.min(axis=0) - 200.0, box_m.max(axis=0) + 200.0)
 
     def rows(self, level_db: FloatArray, receiver_m: FloatArray) -> LevelRows:
-        """Return the levels of a sample."""
-        used = np.flatnonzero(np.isfinite(level_db))
+        """Return the levels of a sample that are above the noise; all levels where these are fewer than three."""
+        used = np.flatnonzero(level_db > self.known.noise_db + MARGIN_DB)
+        if used.size < 3:
+            used = np.flatnonzero(np.isfinite(level_db))
         return LevelRows(level_db[used], receiver_m[used], np.zeros(used.size), used)
 
 
