@@ -7,7 +7,7 @@ import numpy as np
 from dirmusic import pulse_start
 from dirmusic.arrays import BoolArray, FloatArray
 from dirmusic.pulses.clipping import Extremes
-from dirmusic.pulses.detection import find_gates
+from dirmusic.pulses.strengths import find_gates
 from pdpatrol.missions.field.instruments import WaveformRecord
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.front_end import front_end

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
-from dirmusic.pulses.detection import count_crossings, gate_start
+from dirmusic.pulses.strengths import count_crossings, gate_start
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 
 LIKELY = 0.3
