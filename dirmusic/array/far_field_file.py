@@ -221,7 +221,7 @@ def _on_grid(theta_deg: FloatArray, phi_deg: FloatArray, gain: FloatArray) -> tu
     if missing.size:
         i, j = missing[0]
         raise ValueError(f"theta {90.0 - elevation_deg[j]:g}, phi {azimuth_deg[i]:g} degrees is missing")
-    return azimuth_deg, elevation_deg, total / count
+    return azimuth_deg.astype(np.float64), elevation_deg.astype(np.float64), total / count
 
 
 def _towards_boresight(pattern: SpatialPattern) -> tuple[SpatialPattern, str]:

@@ -56,7 +56,7 @@ def learn_pattern(
         ValueError: If no step is measured in all turns.
     """
     n_steps = round(2 * np.pi / step_rad)
-    angle_rad = -np.pi + step_rad * np.arange(n_steps)
+    angle_rad: FloatArray = -np.pi + step_rad * np.arange(n_steps)
     curves = np.full((len(turns), n_steps), np.nan)
     for curve, (off_rad, level_db) in zip(curves, turns, strict=True):
         step = np.rint((off_rad + np.pi) / step_rad).astype(np.intp) % n_steps
@@ -67,11 +67,10 @@ def learn_pattern(
         raise ValueError("turns must have at least one direction in common")
     curves -= curves[:, shared].mean(axis=1, keepdims=True)
     count = np.isfinite(curves).sum(axis=0)
-    total = np.where(np.isfinite(curves), curves, 0.0)
-    mean_db = total.sum(axis=0) / np.maximum(count, 1)
+    mean_db: FloatArray = np.where(np.isfinite(curves), curves, 0.0).sum(axis=0) / np.maximum(count, 1)
     variance = np.where(np.isfinite(curves), np.square(curves - mean_db), 0.0).sum(axis=0)
     std_db = np.where(count > 1, np.sqrt(variance / np.maximum(count - 1, 1)), np.nan)
     measured = 2 * count >= len(turns)
-    mean_db = np.interp(angle_rad, angle_rad[measured], mean_db[measured], period=2 * np.pi)
-    mean_db -= np.interp(0.0, angle_rad, mean_db)
-    return LearnedPattern(angle_rad, mean_db / passes, std_db / passes, measured)
+    filled_db: FloatArray = np.interp(angle_rad, angle_rad[measured], mean_db[measured], period=2 * np.pi)
+    filled_db -= float(np.interp(0.0, angle_rad, filled_db))
+    return LearnedPattern(angle_rad, filled_db / passes, std_db / passes, measured)

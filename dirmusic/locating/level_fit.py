@@ -106,9 +106,10 @@ def _posterior(
     """
     n_axes, size_m = low_m.size, high_m - low_m
     counts = np.maximum(np.ceil(size_m / (np.prod(size_m) / N_COARSE) ** (1 / n_axes)), 2).astype(np.intp)
-    cell_m: FloatArray = low_m + size_m / counts * (np.indices(counts.tolist()).reshape(n_axes, -1).T + 0.5)
+    number = np.array(list(np.ndindex(*counts.tolist())), dtype=np.float64)
+    cell_m = low_m + size_m / counts * (number + 0.5)
     side_m = np.tile(size_m / counts, (len(cell_m), 1))
-    corners = np.indices((2,) * n_axes).reshape(n_axes, -1).T - 0.5
+    corners = np.array(list(np.ndindex((2,) * n_axes)), dtype=np.float64) - 0.5
     log_likelihood = likelihood(cell_m, turn_rad)
     while True:
         log_mass = log_likelihood + np.log(side_m).sum(axis=1)

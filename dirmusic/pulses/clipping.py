@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from dirmusic.arrays import BoolArray, FloatArray
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 
 NEAR = 0.02
 """Samples within this fraction of the span below an extreme value are near it. A damped oscillation has about as many
@@ -82,15 +82,14 @@ class Extremes(NamedTuple):
         Returns:
             True for each extreme value that is a rail, shape (2, n_channels), for each record.
         """
-        volts, n_equal, n_near, is_rail, near_v, _, scale = (
-            np.array(column) for column in zip(*of_records, strict=True)
-        )
+        columns: list[NDArray[Any]] = [np.array(column) for column in zip(*of_records, strict=True)]
+        volts, n_equal, n_near, is_rail, near_v, _, scale = columns
         is_rail |= (n_equal >= LEAST_EQUAL) & (n_equal >= 2 * n_near)
         for side, channel in np.ndindex(volts.shape[1:]):
-            outward = (-1.0, 1.0)[side] * volts[:, side, channel]
-            for of_scale in np.unique(scale[:, channel]):
-                alike = np.flatnonzero(scale[:, channel] == of_scale)
-                below = outward[alike].max() - outward[alike]
+            outward = np.array(volts[:, side, channel] * (-1.0, 1.0)[side], dtype=np.float64)
+            for of_scale in np.unique(scale[:, channel]).tolist():
+                alike: IntArray = np.flatnonzero(scale[:, channel] == of_scale)
+                below = float(outward[alike].max()) - outward[alike]
                 reach, approach = alike[below == 0], (below > 0) & (below <= near_v[alike, channel])
                 equal, near = n_equal[reach, side, channel].sum(), n_near[reach, side, channel].sum() + approach.sum()
                 is_rail[reach, side, channel] |= equal >= max(LEAST_EQUAL, 2 * near)
@@ -140,7 +139,7 @@ def restored_strengths(
         clipped_v = np.clip(wave_v, low_v[channel], high_v[channel])
         is_free = clipped_v == wave_v
         expected_v2 = (np.square(clipped_v) + noise_v2[channel] * is_free).sum(axis=1)
-        at = int(np.searchsorted(expected_v2, energy_v2[channel]))
+        at = int(np.searchsorted(expected_v2, float(energy_v2[channel])))
         if at == strength_v.size:
             return None
         strengths_v[channel] = strength_v[at]

@@ -1,5 +1,7 @@
 """One emitter located from levels: coverage, symmetry, ambiguity, turned boresights, space."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -86,7 +88,8 @@ def test_rows_at_one_place_count_as_few_where_errors_are_shared() -> None:
     rng = np.random.default_rng(6)
     model = MODEL._replace(shadow_db=3.0, shadow_common=1.0, white_db=0.1)
     rows = survey(model, TRUTH_M, rng)
-    copies = LevelRows(*(np.concatenate([column] * 10) for column in rows))
+    columns: list[Any] = [np.concatenate([column] * 10) for column in rows]
+    copies = LevelRows(*columns)
     copies = copies._replace(level_db=copies.level_db + rng.normal(0.0, 0.1, copies.level_db.size))
     assert located(copies, model).semi_major_m > 0.5 * located(rows, model).semi_major_m
 

@@ -1,5 +1,7 @@
 """Two emitters at once."""
 
+from typing import Any
+
 import numpy as np
 
 from dirmusic.locating.level_model import LevelChannel, LevelModel, LevelRows
@@ -30,7 +32,8 @@ def test_exchange_of_receivers_changes_nothing() -> None:
         rng.normal(-60.0, 5.0, 12), rng.uniform(0.0, 90.0, (12, 2)), np.zeros(12), np.zeros(12, dtype=np.intp)
     )
     order = rng.permutation(12)
-    other = LevelRows(*(column[order] for column in rows))
+    columns: list[Any] = [column[order] for column in rows]
+    other = LevelRows(*columns)
     first, second = (locate_two_levels(each, MODEL, CELL_M) for each in (rows, other))
     np.testing.assert_array_equal(first.position_m, second.position_m)
     np.testing.assert_allclose(first.probability, second.probability, rtol=1e-9)

@@ -133,8 +133,8 @@ def _with_order(survey: DrawnSurvey, order: IntArray) -> DrawnSurvey:
 
 def _with_decibels(survey: DrawnSurvey, rng: np.random.Generator) -> DrawnSurvey:
     volts = survey.table[STRENGTHS].clip(lower=1e-5)
-    decibels = 20 * np.log10(volts / 1e-6) + rng.uniform(-3.0, 20.0)
-    return survey.changed(**decibels.round(2), **dict.fromkeys(DEVIATIONS, 1.0))
+    decibels = np.round(20 * np.log10(volts.to_numpy() / 1e-6) + rng.uniform(-3.0, 20.0), 2)
+    return survey.changed(**dict(zip(STRENGTHS, decibels.T, strict=True)), **dict.fromkeys(DEVIATIONS, 1.0))
 
 
 def _with_pattern(survey: DrawnSurvey, turn_deg: float, sign: float) -> DrawnSurvey:

@@ -78,7 +78,7 @@ def test_boresights_of_the_doubt_correct_the_order(tmp_path: Path) -> None:
 
 def test_negative_strengths_are_refused_as_decibels(tmp_path: Path) -> None:
     decibels = 20 * np.log10(example().table[STRENGTHS])
-    table, _ = example().changed(**decibels).write(tmp_path)
+    table, _ = example().changed(**{name: decibels[name] for name in STRENGTHS}).write(tmp_path)
     with pytest.raises(InputFileError, match="must be in volts, not in decibels: most are negative") as refused:
         read_field_data(table)
     assert len(refused.value.faults) == 1
