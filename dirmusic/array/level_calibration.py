@@ -56,7 +56,7 @@ def learn_pattern(
         ValueError: If no step is measured in all turns.
     """
     n_steps = round(2 * np.pi / step_rad)
-    angle_rad: FloatArray = -np.pi + step_rad * np.arange(n_steps)
+    angle_rad = np.linspace(-np.pi, np.pi, n_steps, endpoint=False)
     curves = np.full((len(turns), n_steps), np.nan)
     for curve, (off_rad, level_db) in zip(curves, turns, strict=True):
         step = np.rint((off_rad + np.pi) / step_rad).astype(np.intp) % n_steps
