@@ -36,7 +36,7 @@ class LevelEstimate(NamedTuple):
 
     Attributes:
         position_m: Most likely position, shape (2,) or (3,).
-        covariance_m2: Second moment about it, scaled so that the normal 95 % ellipse contains 95 % of the posterior.
+        covariance_m2: Second moment about it, enlarged so that the normal 95 % ellipse contains 95 % of the posterior.
         is_located: True where the ellipse is small compared with the range, and the posterior is inside the region.
         turn_rad: Most likely turn of the boresights.
         cell_m: Cells of the posterior: their centres, shape (n, 2) or (n, 3).
@@ -87,7 +87,7 @@ def locate_level(
     order = np.argsort(square)
     within = square[order][min(np.searchsorted(np.cumsum(probability[order]), 0.95), square.size - 1)]
     turn = float(turns[np.argmax(joint.sum(axis=1))])
-    covariance_m2 *= within / chi2.ppf(0.95, low_m.size)
+    covariance_m2 *= max(within / chi2.ppf(0.95, low_m.size), 1.0)
     estimate = LevelEstimate(position_m, covariance_m2, False, turn, cell_m, probability)
     at_border = np.any((cell_m - side_m < low_m) | (cell_m + side_m > high_m), axis=1)
     range_m = np.median(np.linalg.norm(rows.position_m - position_m, axis=1))
