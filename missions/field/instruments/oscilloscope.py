@@ -3,7 +3,9 @@
 They are those of Rigol, Agilent and Keysight, Siglent, Rohde & Schwarz, LeCroy, Tektronix and Yokogawa.
 """
 
+import gc
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +35,10 @@ def read_oscilloscope_file(path: Path) -> WaveformRecord:
     if not header.exists():
         raise ValueError(f"must have its header file {header.name} next to it")
     try:
-        channels = [each for each in Wfm.from_file(str(header)).channels if each.enabled_and_selected]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)  # RigolWFM leaves its files to the garbage collector
+            channels = [each for each in Wfm.from_file(str(header)).channels if each.enabled_and_selected]
+            gc.collect()
         volts = np.array([each.volts for each in channels], dtype=np.float64)
         rates_hz = {round(1.0 / float(each.seconds_per_point), 3) for each in channels}
     except Exception as error:  # damaged bytes raise errors of many types
