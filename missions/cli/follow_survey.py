@@ -30,7 +30,7 @@ def follow_survey(
         source: File, folder, `-` or 127.0.0.1:PORT.
         survey: Array, poses, yard and date.
         folder: Folder for the table of received records.
-        idle_s: Time without new lines after which to end; None to wait for ever.
+        idle_s: Time without new lines after which to end; None to wait without limit.
         live: Show the survey in the Rerun viewer.
         console: Console to print findings on.
     """

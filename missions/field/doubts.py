@@ -125,7 +125,7 @@ class Mistake(NamedTuple):
 
     Attributes:
         kind: Short name.
-        cause: What the survey may contain by mistake.
+        cause: The likely cause of the misfit, in words.
         remedy: What corrects it.
         corrected: The survey as meant.
     """

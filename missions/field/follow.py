@@ -32,8 +32,8 @@ FINDING_EVENTS = ("candidate", "confirmed", "outside", "dropped")
 class SurveyFollower:
     """Locates with the records of a survey as they arrive, and stores them.
 
-    The findings are those of a mission: by the data so far, fitted once per second of the survey, with a faulty channel
-    left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the stored
+    The findings are made as in a mission: by the data so far, fitted once per second of the survey, with a faulty
+    channel left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the stored
     table gives the final findings.
 
     Args:

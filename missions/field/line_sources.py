@@ -1,7 +1,7 @@
 """Lines of text as they arrive: from a growing file, a folder, standard input, or a socket of this machine.
 
-Each source is a generator that yields the complete lines that arrived, at least every `POLL_S`, an empty list if there
-are none. It ends when the source cannot give more.
+Each source is a generator that yields the complete lines that arrived, at least every `POLL_S`, or an empty list.
+It ends when the source cannot give more.
 """
 
 import os
@@ -125,7 +125,7 @@ def _file(path: Path, report: Report, is_over: IsOver) -> Iterator[list[str]]:
 
 
 def _is_other(file: IO[bytes], path: Path) -> bool:
-    """Test whether a path has become another file, or the file is shorter than what was read of it."""
+    """Test whether a path has become another file, or the file is shorter than the part read so far."""
     try:
         now, opened = path.stat(), os.fstat(file.fileno())
     except FileNotFoundError:

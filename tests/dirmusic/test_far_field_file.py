@@ -107,7 +107,7 @@ def ticra(sample: Sample) -> Iterator[str]:
 def test_far_field_is_read_as_simulated(
     tmp_path: Path, write: Callable[[Sample], Iterator[str]], sample: Sample, axis: str
 ) -> None:
-    """Directions, handedness, frequencies and levels are those of the antenna, whichever axis is its boresight."""
+    """Directions, handedness, frequencies and levels agree with the antenna, whichever axis is its boresight."""
     path = tmp_path / "field.txt"
     path.write_text("".join(write(sample)))
     with pytest.warns(InputFileWarning, match=f"far field of .*; the boresight is its {axis} axis"):

@@ -1,4 +1,4 @@
-"""Turning test on the floor: robots that skid, and servos that are unstable, are told apart."""
+"""Turning test on the floor: robots that skid, and servos that are unstable, are distinguished."""
 
 import re
 from pathlib import Path

@@ -63,7 +63,7 @@ def record_of_arrays(arrays: dict[str, NDArray[Any]]) -> WaveformRecord:
     `volts_per_count` for counts, or one vector for each channel, as PicoScope writes them.
 
     Raises:
-        ValueError: If there is no waveform or no rate.
+        ValueError: If waveform or rate is missing.
     """
     named = {name.lower(): array for name, array in arrays.items() if array.size and array.dtype.kind in "iuf"}
     interval_s = next((float(named[name].flat[0]) for name in named if name in INTERVALS), None)

@@ -13,7 +13,7 @@ def read_numpy_archive(path: Path) -> WaveformRecord:
     """Read an archive; arrays as in `WaveformRecord.of`.
 
     Raises:
-        ValueError: If its contents are no record.
+        ValueError: If its contents cannot be a record.
     """
     try:
         with opened(path, MAX_BYTES) as file, np.load(file, allow_pickle=False) as archive:

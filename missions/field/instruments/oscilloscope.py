@@ -1,6 +1,6 @@
 """Binary files of oscilloscopes (.wfm, .trc, .bin, .isf), through RigolWFM.
 
-They are those of Rigol, Agilent and Keysight, Siglent, Rohde & Schwarz, LeCroy, Tektronix and Yokogawa.
+Known vendors: Rigol, Agilent and Keysight, Siglent, Rohde & Schwarz, LeCroy, Tektronix and Yokogawa.
 """
 
 import gc

@@ -12,7 +12,7 @@ def read_tdms(path: Path) -> WaveformRecord:
     """Read all channels of a TDMS file; each group is a segment if all groups have the same channels.
 
     Raises:
-        ValueError: If the file is damaged, or its channels are no waveforms of one rate and length.
+        ValueError: If the file is damaged, or its channels differ in rate or length, or lack a rate.
         ModuleNotFoundError: If nptdms is not installed.
     """
     from nptdms import TdmsFile  # in the extra `instruments`

@@ -90,7 +90,7 @@ def read_text(path: Path) -> WaveformRecord:
 def _text(path: Path) -> str:
     """Return the text of a file: UTF-8 or, as older oscilloscopes write it, Windows-1252.
 
-    Rohde & Schwarz writes the header to a file of its own: NAME.csv next to the numbers in NAME.Wfm.csv.
+    Rohde & Schwarz writes the header to a separate file: NAME.csv next to the numbers in NAME.Wfm.csv.
     """
     data = read_whole(path, MAX_BYTES)
     if re.search(r"(?i)\.wfm\.csv$", path.name) and (header := path.with_name(f"{path.name[:-8]}.csv")).exists():
@@ -227,7 +227,7 @@ def _is_unit(cell: str) -> bool:
 
 
 def _names(layout: _Layout) -> list[str]:
-    """Return the names above the columns, without units; empty if there are none."""
+    """Return the names above the columns, without units; empty where the header has no names."""
     for cells in reversed(layout.header):
         names = _above(layout, cells)
         if all(names[1:]) and any(names) and not any(_number(name, layout.decimal) is not None for name in names[1:]):

@@ -55,7 +55,7 @@ def test_mistake_in_the_example_is_named(tmp_path: Path, mistake: str) -> None:
 
 @pytest.mark.parametrize("heading", ["compass", "clockwise"])
 def test_heading_option_corrects_the_doubted_column(tmp_path: Path, heading: Heading) -> None:
-    """With the option that the doubt names, the survey has no doubt and its poses are those of the original."""
+    """With the option that the doubt names, the survey has no doubt and its poses equal the original ones."""
     written = MISTAKES[heading](example(), np.random.default_rng(1))
     (note,) = notes_on(written, tmp_path)
     assert note.endswith(f"use --heading {heading}")

@@ -30,7 +30,7 @@ NAMES = HEADER.split(",")
 
 
 def feed(folder: Path, data: bytes, sizes: Iterable[int]) -> list[str]:
-    """Store the records in some bytes, which arrive in pieces of some sizes, and return what is reported."""
+    """Store the records in some bytes, which arrive in pieces of some sizes, and return the reports."""
     reports, at = list[str](), 0
     table, buffer = (
         RecordTable(folder / "received.csv", Path("s.csv"), None, reports.append),
@@ -166,7 +166,7 @@ def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
 
 
 def wait_for(path: Path, n_lines: int) -> None:
-    """Wait until a file has so many lines."""
+    """Wait until a file has a number of lines."""
     deadline_s = time.monotonic() + 120.0
     while not path.exists() or len(path.read_bytes().splitlines()) < n_lines:
         assert time.monotonic() < deadline_s

@@ -1,4 +1,4 @@
-"""Files of instruments: text of many vendors, binary files, and files that are none of these."""
+"""Files of instruments: text of many vendors, binary files, and files of other kinds."""
 
 from pathlib import Path
 
