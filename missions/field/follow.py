@@ -33,8 +33,8 @@ class SurveyFollower:
     """Locates with the records of a survey as they arrive, and stores them.
 
     The findings are made as in a mission: by the data so far, fitted once per second of the survey, with a faulty
-    channel left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the stored
-    table gives the final findings.
+    channel left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the
+    stored table gives the final findings.
 
     Args:
         folder: Folder with the table of received records, which is continued if it exists.
