@@ -59,9 +59,9 @@ def test_damaged_log_is_refused_or_unchanged(mission: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"meta": np.array("{}")}, "is not the log of a mission .no metadata of schema 7"),
+        ({"meta": np.array("{}")}, "is not the log of a mission .no metadata of schema 8"),
         ({"meta": np.array({"schema": 7})}, "Object arrays cannot be loaded"),
-        ({"meta": np.array('{"schema": 3}')}, "no metadata of schema 7, which this version reads"),
+        ({"meta": np.array('{"schema": 3}')}, "no metadata of schema 8, which this version reads"),
         ({"x": np.array(1)}, "meta is not a file in the archive"),
     ],
 )
@@ -91,7 +91,7 @@ def test_log_with_inconsistent_tables_is_refused(
 
 @pytest.mark.whole
 def test_replay_refuses_a_log_with_damaged_metadata(mission: Path, tmp_path: Path, refused: Refused) -> None:
-    damaged = np.array(json.dumps({"schema": 7, "array": 7}))
+    damaged = np.array(json.dumps({"schema": 8, "array": 7}))
     (tmp_path / "log.npz").write_bytes(hostile.packed({**arrays_of(mission), "meta": damaged}))
     (line,) = refused("replay", ".", cwd=tmp_path)
     assert "the metadata in its log are damaged" in line
