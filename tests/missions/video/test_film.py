@@ -72,6 +72,6 @@ def test_film_moves_and_ends_on_its_last_frame(kind: str, folder: Path, monkeypa
 
 def test_field_data_cannot_be_filmed(log: MissionLog, tmp_path: Path) -> None:
     field = copy_of(log, "step", n_steps=1)
-    del field.meta["scenario"]
+    del field.meta["truth"]
     with pytest.raises(ValueError, match="not of a simulated mission"):
         write_film(field, tmp_path / "a.gif", None, print)
