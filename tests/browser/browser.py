@@ -60,7 +60,7 @@ def opened(url: str, theme: Theme) -> Iterator[Opened]:
             page.on("console", lambda told: errors.append(told.text) if told.type == "error" else None)
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.on("requestfailed", lambda request: errors.append(f"cannot load {request.url}"))
-            page.goto(url, wait_until="load", timeout=60_000)
+            page.goto(url, wait_until="load", timeout=180_000)
             yield Opened(page, errors)
         finally:
             browser.close()
@@ -69,12 +69,12 @@ def opened(url: str, theme: Theme) -> Iterator[Opened]:
 def picture(page: Page, name: str) -> NDArray[np.uint8]:
     """Return a screenshot, shape (height, width, 3), and keep it as `name`.png."""
     KEPT.mkdir(parents=True, exist_ok=True)
-    data = page.screenshot(path=KEPT / f"{name}.png", timeout=60_000)
+    data = page.screenshot(path=KEPT / f"{name}.png", timeout=180_000)
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
 def picture_when(
-    page: Page, name: str, is_ready: Callable[[NDArray[np.uint8]], bool], limit_s: float = 100.0
+    page: Page, name: str, is_ready: Callable[[NDArray[np.uint8]], bool], limit_s: float = 300.0
 ) -> NDArray[np.uint8]:
     """Return the first screenshot for which `is_ready` holds, or the last one within the time limit."""
     deadline = time.monotonic() + limit_s
