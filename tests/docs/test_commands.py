@@ -25,6 +25,8 @@ ELSEWHERE = {
     "answers.md": "tests/test_answers.py",
     "suite.md": "tests/envs/scenario/test_suite.py",
     "sweeps.md": "tests/missions/sweep",
+    "how-to/antenna.md": "tests/missions/field/test_turns.py",
+    "how-to/locate.md": "tests/missions/field",
     "how-to/training.md": "tests/examples/test_learning.py",
     "how-to/equipment.md": "tests/robot_models/test_equipment.py",
 }
