@@ -98,17 +98,20 @@ def search_elevations(found: Bearings, pulses: PulseBatch, array: ArrayModel) ->
         pulses: The pulses.
         array: Nominal array of the channels of the pulses.
     """
-    if (found.misfit <= MISFIT_FACTOR * MISFIT_FLOOR).all():
+    if not found.misfit.size or found.misfit.max() <= MISFIT_FACTOR * MISFIT_FLOOR:
         return
     table, step_rad = space_table(array.manifold, array.spread), ELEVATIONS_RAD[1]
     factor = MISFIT_FACTOR * (1.0 - 2.0 / array.manifold.n_elements)
     least = MISFIT_FACTOR * MISFIT_FLOOR + factor * table.array_misfit
     for k in np.flatnonzero(found.misfit > least).tolist():  # few
         pulse, noise_v2 = pulses.strengths_v[k], pulses.variance_v2[k]
-        energy, match = pulse @ pulse, table.unit @ pulse
-        limit_v2, best = least * energy + factor * noise_v2.sum(), match.max()
-        level, column = divmod(int(match.argmax()), SEARCH_AZIMUTHS_RAD.size)
-        if found.misfit[k] * energy > limit_v2 > energy - best * best:
+        energy = pulse @ pulse
+        limit_v2 = least * energy + factor * noise_v2.sum()
+        if found.misfit[k] * energy <= limit_v2:
+            continue
+        match = table.unit @ pulse
+        best, (level, column) = match.max(), divmod(int(match.argmax()), SEARCH_AZIMUTHS_RAD.size)
+        if energy - best * best < limit_v2:
             _, turn, rise = table.inverse[level, column]
             up_rad = min(max(rise @ pulse / best, -0.5 * step_rad), 0.5 * step_rad)
             found.azimuth_rad[k] = wrap(SEARCH_AZIMUTHS_RAD[column] + turn @ pulse / best)

@@ -204,7 +204,7 @@ def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayMo
     Returns:
         The directions with their standard deviations due to noise alone; an estimator adds the error of its method.
     """
-    strengths, variance = (np.ascontiguousarray(values) for values in (pulses.strengths_v, pulses.variance_v2))
+    strengths, variance = np.ascontiguousarray(pulses.strengths_v), np.ascontiguousarray(pulses.variance_v2)
     pulse, noise, table = strengths[:, np.newaxis], variance[:, np.newaxis], array.manifold.held_table
     return fit_pulses(pulse, noise, variance, table, NO_DIRECTION, azimuth_rad).bearings
 

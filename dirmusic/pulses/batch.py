@@ -160,6 +160,7 @@ class Bearings(NamedTuple):
 
     def attached_to(self, pulses: PulseBatch) -> PulseBatch:
         """Return the pulses with these directions, one for each."""
-        elevation_rad = self.elevation_rad + np.zeros(pulses.n_pulses)
-        columns = self._replace(elevation_rad=elevation_rad)._asdict()
-        return pulses._replace(**columns)
+        azimuth_rad, std_rad, misfit, elevation_rad = self
+        if elevation_rad.ndim == 0:
+            elevation_rad = np.full(pulses.n_pulses, elevation_rad)
+        return pulses._replace(azimuth_rad=azimuth_rad, std_rad=std_rad, misfit=misfit, elevation_rad=elevation_rad)

@@ -95,12 +95,14 @@ class ReceiverBank:
         self._reading, self._grid = self._receiver.reading(), self._receiver.grid(array)
         self._pattern = tabulate(array.cut())
         self._listeners, self._states = list(listeners), [self._state(listener) for listener in listeners]
+        self._rngs = [Held(listener.receiver_rng) for listener in listeners]
         self._found = [self._room(64) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
 
     def replace(self, robot: int, listener: Listener) -> None:
         """Replace array, scene and generators of one robot, and restart its time."""
         self._listeners[robot], self._states[robot] = listener, self._state(listener)
+        self._rngs[robot] = Held(listener.receiver_rng)
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
@@ -146,11 +148,11 @@ class ReceiverBank:
         held, row, n_rejected = self._found[thread], 0, 0
         for robot, due in updated:
             if due.time_s.size:
-                row, n = detect(self._states[robot], due, world_from_array[robot], held, row, robot)
+                first, state, rng = row, self._states[robot], self._rngs[robot]
+                row, n = detect(state, rng, due, world_from_array[robot], held, first)
+                held.value.robot[first:row] = robot
                 n_rejected += n
-        found = held.value
-        kept = DetectedPulses(found.robot[:row], found.pulses.take(slice(row)), found.waveforms_v[:row], n_rejected)
-        return DetectedPulses.join([kept])  # copies, because the memory is used again
+        return held.value.first(row)._replace(n_rejected=n_rejected)
 
     def _room(self, n_pulses: int) -> Held[DetectedPulses]:
         config = self._receiver.config
@@ -166,7 +168,6 @@ class ReceiverBank:
                 reading=self._reading,
                 channels=receiver.channels(0.0, (), (), array, np.eye(4)),
                 propagation=Propagation(positions_m, scene.axes, scene.burst_s, table, scene.surroundings),
-                rng=listener.receiver_rng,
             )
         )
 

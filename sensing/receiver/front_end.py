@@ -53,6 +53,7 @@ class FrontEnd:
         """Filter samples along the last axis, starting from rest; the result has the same shape."""
         return np.asarray(sosfilt(self._sections, samples)) if self._sections.size else samples
 
+    @lru_cache(maxsize=64)  # noqa: B019 - front ends are cached anyway
     def response(self, frequency_hz: float) -> float:
         """Return the gain for a steady tone."""
         if not self._sections.size:
