@@ -134,8 +134,9 @@ class ChannelMonitor:
             likeliest = in_plane_likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
         strengths_v = pulses.strengths_v[own]
-        clear = np.flatnonzero(std_rad < self.CLEAR_STD_RAD)
-        for row in clear.tolist():  # one by one, so that checks do not depend on the batch size
+        for row, each_rad in enumerate(std_rad.tolist()):  # one by one, so that checks do not depend on the batch size
+            if not each_rad < self.CLEAR_STD_RAD:
+                continue
             at = self._n_seen % self.HISTORY
             self._strengths[at], self._misfits[at] = strengths_v[row], misfit[row]
             self._n_seen += 1
