@@ -35,19 +35,25 @@ class Turn(NamedTuple):
 
 @cache
 def turns_on_floor(robot: RobotDescription) -> tuple[Turn, ...]:
-    """Drive a robot in turns on the spot, on the floor of an empty yard, at half and all of its maximum yaw rate."""
-    commanded_radps = np.array([0.5, 1.0]) * robot.max_yaw_rate_radps
+    """Drive a robot in turns on the spot, on the floor of an empty yard, at half and all of its maximum yaw rate.
+
+    One robot at a time, because a mission then uses the same compiled functions.
+    """
+    return tuple(_turn(robot, share * robot.max_yaw_rate_radps) for share in (0.5, 1.0))
+
+
+def _turn(robot: RobotDescription, commanded_radps: float) -> Turn:
+    """Drive one turn on the spot from rest."""
     side_m = 4.0 * robot.room_m
     no_elements = AntennaElements(np.empty((0, 3)), np.empty(0), np.empty(0))
-    robots = Robots(robot, Yard(size_m=(side_m, side_m)), no_elements, n_robots=2)
-    robots.reset(np.arange(2), np.full((2, 3), [0.5 * side_m, 0.5 * side_m, 0.0]))
-    rates_radps: list[np.ndarray] = []
+    robots = Robots(robot, Yard(size_m=(side_m, side_m)), no_elements)
+    robots.reset([0], [0.5 * side_m, 0.5 * side_m, 0.0])
+    rates_radps: list[float] = []
     for _ in range(round((SETTLE_S + MEASURE_S) / LIDAR_PERIOD_S)):
-        robots.drive(np.zeros(2), commanded_radps, LIDAR_PERIOD_S)
-        rates_radps.append(robots.readings.values[:, VELOCITY][:, 1].copy())
-    reached_radps = np.mean(rates_radps[-round(MEASURE_S / LIDAR_PERIOD_S) :], axis=0)
-    is_stable = robots.n_warnings() == 0
-    return tuple(map(Turn, commanded_radps.tolist(), reached_radps.tolist(), is_stable.tolist()))
+        robots.drive([0.0], [commanded_radps], LIDAR_PERIOD_S)
+        rates_radps.append(robots.readings.values[0, VELOCITY][1])
+    reached_radps = float(np.mean(rates_radps[-round(MEASURE_S / LIDAR_PERIOD_S) :]))
+    return Turn(commanded_radps, reached_radps, is_stable=not robots.n_warnings().any())
 
 
 def turning_doubt(robot: RobotDescription) -> str | None:

@@ -242,16 +242,18 @@ def add_tones(channel_v: FloatArray, e: int, offset: int, channels: Channels, st
 
 
 @compiled
-def settle(noise: NoiseFilter, n_elements: int, rng: np.random.Generator) -> FloatArray:
-    """Draw a stationary state of the filter in white noise, shape (2 n_sections, n_elements)."""
+def settle(noise: NoiseFilter, rng: np.random.Generator, state: FloatArray) -> None:
+    """Draw a stationary state of the filter in white noise, shape (2 n_sections, n_elements).
+
+    It is drawn into `state`, because the assignment of one array to another takes 5 s to compile.
+    """
     settled = noise.settled
-    state = np.zeros((len(settled), n_elements))
+    state[:] = 0.0
     for j in range(len(settled)):
-        for e in range(n_elements):
+        for e in range(state.shape[1]):
             drawn = rng.standard_normal()
             for i in range(len(settled)):
                 state[i, e] += settled[i, j] * drawn
-    return state
 
 
 @compiled
@@ -324,7 +326,7 @@ def fill(
     if end > first:
         fill_signal(window, end, signal, sampler.pulse, channels)
         if first == 0:
-            window.state[:] = settle(sampler.noise, len(window.volts), rng)
+            settle(sampler.noise, rng, window.state)
         add_noise(sampler.noise, rng, window.state, window.volts, first, end)
         window.filled[1] = end
 
@@ -450,10 +452,11 @@ def read_out(
     least_v2 = BURST_SHARE * (gate_v2 / n_gate - background_v2) + background_v2
     for w in range(BURST_WINDOWS):
         at, power_v2 = start + sampler.burst_first + w * sampler.burst_step, 0.0
-        test_v = np.zeros((1, n_window))
+        test_v, state = np.zeros((1, n_window)), np.empty((len(noise.settled), 1))
         add_emission(test_v[0], strongest, window.start_s + at / sampler.pulse.rate_hz, signal, sampler.pulse)
         add_tones(test_v[0], strongest, at, channels, window.start_rad)
-        add_noise(noise, rng, settle(noise, 1, rng), test_v, 0, n_window)
+        settle(noise, rng, state)
+        add_noise(noise, rng, state, test_v, 0, n_window)
         for t in range(n_window):
             power_v2 += min(abs(test_v[0, t]), limit) ** 2
         if power_v2 <= least_v2 * n_window:
@@ -527,8 +530,9 @@ def sample_false_alarm(sampler: Sampler, channels: Channels, rng: np.random.Gene
     """Fill a gate, shape (n_elements, n_gate), that noise alone has triggered, by pinning one noise sample."""
     trigger, noise = sampler.trigger, sampler.noise
     n_elements, n_gate = gate_v.shape
-    gate_v[:] = 0.0
-    add_noise(noise, rng, settle(noise, n_elements, rng), gate_v, 0, n_gate)
+    gate_v[:], state = 0.0, np.empty((len(noise.settled), n_elements))
+    settle(noise, rng, state)
+    add_noise(noise, rng, state, gate_v, 0, n_gate)
     channel = int(rng.random() * n_elements)
     side = 1.0 if rng.random() < 0.5 else -1.0
     crossing_v = side * trigger.noise_v * draw_tail(trigger.level_v / trigger.noise_v, rng)

@@ -83,5 +83,7 @@ def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: np.ndarray)
 def noise_of(front_end: FrontEnd, n: int, n_samples: int, std_v: float = 1.0) -> FloatArray:
     """Draw noise after the filter, shape (n, n_samples); rows are independent."""
     noise, rng, drawn = front_end.noise_filter(std_v), np.random.default_rng(0), np.zeros((n, n_samples))
-    add_noise(noise, rng, settle(noise, n, rng), drawn, 0, n_samples)
+    state = np.empty((len(noise.settled), n))
+    settle(noise, rng, state)
+    add_noise(noise, rng, state, drawn, 0, n_samples)
     return drawn
