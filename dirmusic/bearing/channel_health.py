@@ -175,8 +175,9 @@ class ChannelMonitor:
         if np.partition(misfits, upper_quartile)[upper_quartile] < self.CHECKED_MISFIT:
             return []
         unexplained = float(np.median(self._fit(strengths_v, channels).misfit))
-        candidates = [self._without(strengths_v, channels, k) for k in range(channels.size)]
-        cures = [one for one in candidates if one is not None and one[0] < self.CURED_SHARE * unexplained]
+        most = min(self.CURED_SHARE * unexplained, self.AGREED_MISFIT)
+        candidates = [self._without(strengths_v, channels, k, most) for k in range(channels.size)]
+        cures = [one for one in candidates if one is not None]
         if cures:
             suspect = min(cures, key=lambda one: one[0])[1]
             if not self._is_common(channels, suspect):
@@ -188,15 +189,22 @@ class ChannelMonitor:
         pulses = PulseBatch.detected(np.zeros(len(strengths_v)), strengths_v, np.zeros_like(strengths_v))
         return in_plane_likelihood(pulses, self.array.take(channels))
 
-    def _without(self, strengths_v: FloatArray, channels: IntArray, k: int) -> tuple[float, SuspectChannel] | None:
-        """Return the median misfit without channel k and the fault of that channel, or None if it is not faulty."""
+    def _without(
+        self, strengths_v: FloatArray, channels: IntArray, k: int, most: float
+    ) -> tuple[float, SuspectChannel] | None:
+        """Return the median misfit without channel k and the fault of that channel.
+
+        The result is None if the channel is not faulty, or if the median misfit without it is not below `most`.
+        """
         others = np.delete(np.arange(channels.size), k)
         azimuth, _, misfit, _ = self._fit(strengths_v[:, others], channels[others])
         remaining = float(np.median(misfit))
+        if remaining >= most:
+            return None
         gain = self.array.manifold.gain(azimuth)[channels].T
         amplitude = (strengths_v[:, others] * gain[:, others]).sum(axis=-1) / np.square(gain[:, others]).sum(axis=-1)
         tests = (gain[:, k] >= self.TESTED_SHARE * gain.max(axis=-1)) & (misfit < self.AGREED_MISFIT) & (amplitude > 0)
-        if tests.sum() < self.LEAST_PULSES or remaining > self.AGREED_MISFIT:
+        if tests.sum() < self.LEAST_PULSES:
             return None
         predicted = amplitude[tests] * gain[tests, k]
         ratio_db: FloatArray = 20 * np.log10(np.maximum(strengths_v[tests, k] / predicted, 1e-3))
