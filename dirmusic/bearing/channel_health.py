@@ -174,7 +174,7 @@ class ChannelMonitor:
         upper_quartile = 3 * n // 4
         if np.partition(misfits, upper_quartile)[upper_quartile] < self.CHECKED_MISFIT:
             return []
-        unexplained = float(np.median(self._fit(strengths_v, channels).misfit))
+        unexplained = float(np.median(misfits))
         most = min(self.CURED_SHARE * unexplained, self.AGREED_MISFIT)
         candidates = [self._without(strengths_v, channels, k, most) for k in range(channels.size)]
         cures = [one for one in candidates if one is not None]
