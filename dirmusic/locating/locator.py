@@ -175,6 +175,7 @@ class Locator:
         """Associate and fit all pulses so far until both agree, and return all findings."""
         for _ in range(3):
             self._renew(time_s, rounds=2, always=True)
+        self._next_fit_s = time_s + self.rules.refit_s
         return self.findings
 
     def association(self) -> IntArray:

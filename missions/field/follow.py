@@ -33,7 +33,8 @@ class SurveyFollower:
     """Locates with the records of a survey as they arrive, and stores them.
 
     The findings are made as in a mission: by the data so far, fitted once per second of the survey, with a faulty
-    channel left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. At the end, `locate` of the
+    channel left out from its discovery on. Rows within 1 s, 0.1 m and 2 degrees are pooled. Records that were stored
+    before are fitted once per 5000, so that a survey that is continued is soon up to date. At the end, `locate` of the
     stored table gives the final findings.
 
     Args:
@@ -58,7 +59,7 @@ class SurveyFollower:
         self._n_events = 0
         self._printed: dict[int, Finding] = {}
         for table in self._table.stored():
-            self._locate(table)
+            self._locate(table, is_past=True)
 
     @property
     def locator(self) -> FieldLocator | None:
@@ -71,7 +72,7 @@ class SurveyFollower:
         if table.lines.size:
             self._locate(table)
 
-    def _locate(self, table: InputTable) -> None:
+    def _locate(self, table: InputTable, *, is_past: bool = False) -> None:
         poses, phase_rad, pulses = survey_rows(table, self._survey.noise_v, 0.0, self._survey.heading)
         steps, step, _ = steps_of(poses, 0)
         n_channels = len(strength_columns(table)[0])
@@ -86,7 +87,10 @@ class SurveyFollower:
         )
         if self._locator is None:
             self._locator = FieldLocator(data, self._survey, LocatingRules(), MARGIN_M)
-        self._locator.add(data)
+        if is_past:
+            self._locator.catch_up(data)
+        else:
+            self._locator.add(data)
         self.n_records += len(poses)
 
     def news(self) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -46,6 +47,9 @@ from pdpatrol.sensing.radio.transmission import Sight
 
 FIELD_RULES = LocatingRules(refit_s=np.inf)
 """Rules for data recorded by people, which are refitted when `locate_field_data` decides."""
+
+CATCH_UP_S = 1e9
+"""Time between fits while steps of the past are added: longer than any survey."""
 
 
 def array_model(data: FieldData, survey: SurveyOptions) -> ArrayModel:
@@ -126,8 +130,8 @@ class FieldLocator:
             self.log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
         self._name, self._channels = data.path.name, data.channels
         self._monitor = ChannelMonitor(array, maximum_likelihood)
-        locator = Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
-        self._tracker = Tracker(self.log, locator, array, pose_error, rules.max_std_rad)
+        self._locator = Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
+        self._tracker = Tracker(self.log, self._locator, array, pose_error, rules.max_std_rad)
         self._is_refitted = np.isinf(rules.refit_s)
         self._start_s, self._due_s, self._refitted_step, self._n_clipped = np.inf, np.inf, 0, 0
 
@@ -154,6 +158,15 @@ class FieldLocator:
                 self._add_step(time_s, pose, pulses.take(slice(first[step], first[step + 1])))
                 progress(1.0 / data.time_s.size)
 
+    def catch_up(self, data: FieldData) -> None:
+        """Locate with steps of the past: fit only once, at their end."""
+        rules = self._locator.rules
+        self._locator.rules = replace(rules, refit_s=CATCH_UP_S)
+        self.add(data)
+        self._locator.rules = rules
+        with threadpool_limits(limits=1):
+            self._refit(float(data.time_s[-1]))
+
     def _add_step(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         no_pose = np.full(3, np.nan)
         self.log.append(
@@ -177,8 +190,8 @@ class FieldLocator:
         self._tracker.refit(time_s)
         self._refitted_step = self.log.last_step
         # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
-        # hours is refitted only a few hundred times.
-        self._due_s = time_s + max(1.0, 0.02 * (time_s - self._start_s))
+        # hours is refitted only a hundred times.
+        self._due_s = time_s + max(1.0, 0.05 * (time_s - self._start_s))
 
     def finish(self) -> MissionLog:
         """Fit all pulses again and complete the log; at least one step must have been added."""

@@ -13,6 +13,7 @@ from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.report.records import Report
 from tests.missions.field.dialects import DIALECTS
 from tests.missions.field.recordings import OTHER_M, SOURCE_M, Recording, clipped, in_one_record, with_offsets
+from tests.missions.field.surveys import locate
 
 KINDS: dict[Callable[[Path, int], Report], tuple[tuple[float, float, float], ...]] = {
     clipped: (SOURCE_M,),
@@ -83,6 +84,31 @@ def test_text_of_each_vendor_gives_the_same_strengths(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             read_field_data(other).pulses.strengths_v, expected.pulses.strengths_v, rtol=1e-3, atol=1e-6
         )
+
+
+@pytest.mark.slow
+def test_survey_in_each_dialect_has_the_findings_of_the_native_format(tmp_path: Path) -> None:
+    recording = Recording(8, SOURCE_M)
+    recording.volts = [np.round(np.concatenate(volts, axis=-1)[np.newaxis], 5) for volts in recording.volts]
+    table = recording.write(tmp_path, 1e-5)
+    header, *rows = table.read_text().splitlines()
+    expected = as_numbers(locate(table, noise_v=None))
+    assert len(expected) == 1
+    for vendor, text in DIALECTS.items():
+        for k, volts in enumerate(recording.volts):
+            (tmp_path / f"{vendor}_{k}.csv").write_text(text(volts[0]))
+        named = [f"{row.rpartition(',')[0]},{vendor}_{k}.csv" for k, row in enumerate(rows)]
+        table.write_text("\n".join([header, *named]))
+        findings = as_numbers(locate(table, noise_v=None))
+        np.testing.assert_allclose(findings, expected, rtol=1e-3, atol=1e-3, err_msg=vendor)
+
+
+def as_numbers(report: Report) -> list[list[float]]:
+    """Return position, standard deviations, probability and number of pulses of each finding."""
+    return [
+        [*finding.position_m, *finding.position_std_m, finding.existence, finding.n_bearings]
+        for finding in report.findings
+    ]
 
 
 def test_files_per_channel_and_segments_give_the_same_strengths(tmp_path: Path) -> None:
