@@ -28,12 +28,15 @@ SIGMAS = 3.0
 TAIL = 0.00135
 """Probability beyond each end of such an interval."""
 
-MODEL_WIDTH, MODEL_DB, MODEL_RATIO = 0.008, 0.1, 0.1
-"""Standard deviations of errors of the model itself: relative width of the beam, gain of a channel, and logarithm of
-the pose errors. Assumed; without them, recordings of the simulator itself left the intervals too often."""
+MODEL_WIDTH, MODEL_DB, MODEL_RATIO = 0.008, 0.15, 0.12
+"""Standard deviations of errors of the model itself: relative width of the beam, gain of a channel or noise, and
+logarithm of the pose errors. Assumed; without them, recordings of the simulator itself left the intervals too often."""
 
 LEAST_EVIDENCE = 8.0
 """Difference of the log evidence from which on a ground is excluded: 3000 to 1 (assumed)."""
+
+LONGEST_M, LEAST_SHARE = 1.0, 0.05
+"""Semi-major axis up to which, and share of the pulses from which on, a candidate is taken as a source (assumed)."""
 
 MISMATCH = 0.3
 """Distance between strengths of unit norm from which on a simulated source does not explain a pulse (assumed)."""
@@ -155,15 +158,25 @@ def compare(
     locator = FieldLocator(data, survey)
     locator.add(data, progress)
     log = locator.finish()
-    confirmed = tuple(finding for finding in locator.findings if finding.state == "confirmed")
-    findings = tuple(finding for finding in confirmed if candidates(finding, scenario))
-    if not findings:
+    table = log.table("association")
+    findings = tuple(
+        finding
+        for finding in locator.findings
+        if (finding.state == "confirmed" or _is_probable(finding, table["finding"])) and candidates(finding, scenario)
+    )
+    if not any(finding.state == "confirmed" for finding in findings):
         raise InputFileError([f"{data.path}: must have a confirmed finding outside equipment or at a site, got none"])
-    table, ids = log.table("association"), np.array([finding.id for finding in findings])
+    ids = np.array([finding.id for finding in findings])
     is_own = np.isin(table["finding"], ids)
     pulse = table["pulse"][is_own]
     source = (table["finding"][is_own][:, np.newaxis] == ids).argmax(axis=1)
     return compare_located(data, scenario, findings, pulse, source)
+
+
+def _is_probable(finding: Finding, associated: IntArray) -> bool:
+    """Return whether a candidate is located, and has a good share of the pulses."""
+    n_own = int(np.count_nonzero(associated == finding.id))
+    return finding.state == "candidate" and finding.semi_major_m < LONGEST_M and n_own > LEAST_SHARE * associated.size
 
 
 def compare_located(
@@ -193,10 +206,10 @@ def compare_located(
     fitter = DriveFit(scenario, groups, noise.variance_v2, data.time_s[steps], pose, findings)
     believed_ground = scenario.radio.ground
     grounds: tuple[GroundName, ...] = (believed_ground, "gravel", "wet_soil")
-    fits = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
+    fits: dict[GroundName, WorldFit] = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
     best = max(fits.values(), key=lambda fit: fit.log_evidence)
     rows = [
-        Difference.of("noise floor", "dB", noise.db, noise.std_db, 0.0),
+        Difference.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB)), 0.0),
         Difference.of(
             "beam width", "%", 100 * (best.world.beam_width - 1), 100 * np.hypot(best.width_std, MODEL_WIDTH), 0.0
         ),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from dirmusic import Finding
-from dirmusic.arrays import FloatArray
+from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.joint_fit import YAW_PRIOR_RAD
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.scenario import position_error
@@ -26,9 +26,10 @@ UNEXPLAINED_LEVEL, FAR_OFF = 0.08, 2.0
 """Relative error of a level that nothing explains, 0.7 dB, and number of these from which on the error of a level is
 taken to be as large as its residual (assumed). They limit how sure the ground is."""
 
-SITE_STD_M, OFF_SITE = 1e-3, 4.0
-"""Standard deviation of the position of a source at a site, and distance of a finding from a site, in standard
-deviations, up to which the source may be there (assumed). Next to metal, levels change within centimetres."""
+SITE_STD_M, OFF_SITE, NEAR_SITE_M = 1e-3, 4.0, 0.5
+"""Standard deviation of the position of a source at a site, and distances of a finding from a site, in standard
+deviations and in metres, up to which the source may be there (assumed). Next to metal, levels change within
+centimetres."""
 
 STEPS = {"place": 0.02, "axis": 0.1, "pointing": np.radians(1.0), "width": 0.02}
 """Steps of the differences by which derivatives are computed: metres, 1, radians, 1."""
@@ -42,8 +43,10 @@ ROUNDS, FIRST_ROUNDS, HALVINGS = 7, 3, 3
 """Number of times that the model is linearised and fitted again, of these with the errors as stated, and largest number
 of times that a step is halved (assumed)."""
 
-AXES = np.array([[x, y, z] for x in (0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)], float)
-"""Directions of polarisation from which the fit may start."""
+N_AXES = 40
+"""Number of directions of polarisation from which the fit may start, spread evenly over half a sphere (assumed)."""
+
+GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +78,8 @@ class WorldFit:
     simulated: FloatArray
 
 
-_Place = tuple[FloatArray, FloatArray]
+Place = tuple[FloatArray, FloatArray]
+"""Position of a source, shape (3,), and its covariance, shape (3, 3)."""
 
 
 class _Linear(NamedTuple):
@@ -119,7 +123,7 @@ class DriveFit:
         pointing = np.radians(max(scenario.array.pointing_error_deg, 0.1)) ** 2 * np.eye(self._n) + YAW_PRIOR_RAD**2
         of_sources = np.repeat([1.0, LEVEL_STD], [3 * n_sources, n_sources])
         self._of_others = block_diag(
-            np.diag(np.square(of_sources)), GAIN_STD**2 * np.eye(self._n), pointing, WIDTH_STD**2
+            np.diag(np.square(of_sources)), GAIN_STD**2 * np.eye(self._n), pointing, np.array([[WIDTH_STD**2]])
         )
         noise = noise_v2 / (groups.n_pulses * np.square(self._scale_v))
         self._along = np.einsum("gi,gj->gij", groups.unit, groups.unit)
@@ -152,7 +156,7 @@ class DriveFit:
         slope = np.zeros((*here.shape, state.size))
         row, channel = np.arange(len(here)), np.arange(self._n)
 
-        def both(states: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+        def both(states: IntArray, step: float) -> tuple[FloatArray, FloatArray]:
             """Return simulations with these states increased and decreased."""
             change = np.zeros(state.size)
             change[states] = step
@@ -197,8 +201,11 @@ class DriveFit:
         for number in range(max(map(len, self._candidates))):
             tried = [own[min(number, len(own) - 1)] for own in self._candidates]
             state[places] = np.concatenate([place_m for place_m, _ in tried])
-            for axis in AXES:
-                state[axes] = np.tile(axis / np.linalg.norm(axis), n_sources)
+            for row in range(N_AXES):
+                up, turn_rad = (row + 0.5) / N_AXES, row * GOLDEN_RAD
+                level_part = np.sqrt(1.0 - up**2)
+                axis = np.array([level_part * np.cos(turn_rad), level_part * np.sin(turn_rad), up])
+                state[axes] = np.tile(axis, n_sources)
                 simulated = self._simulate(state, ground)
                 log_ratio = groups.log_level - np.log(np.linalg.norm(simulated, axis=1))
                 for k in range(n_sources):
@@ -317,15 +324,15 @@ class DriveFit:
         return density / density.sum(), float(top + np.log(density.mean()))
 
 
-def candidates(finding: Finding, scenario: Scenario) -> list[_Place]:
+def candidates(finding: Finding, scenario: Scenario) -> list[Place]:
     """Return positions, shape (3,), and their covariances, shape (3, 3), at which the source of a finding may be.
 
     These are sites of the yard nearby, and the finding itself unless it lies inside equipment.
     """
-    yard, information, found = scenario.known_yard, np.linalg.inv(finding.covariance_m2), list[_Place]()
+    yard, information, found = scenario.known_yard, np.linalg.inv(finding.covariance_m2), list[Place]()
     for name in yard.site_names():
         off_m = yard.site_position(name) - finding.position_m
-        if off_m @ information @ off_m < OFF_SITE**2:
+        if off_m @ information @ off_m < OFF_SITE**2 or np.linalg.norm(off_m) < NEAR_SITE_M:
             found.append((yard.site_position(name), SITE_STD_M**2 * np.eye(3)))
     if position_error(yard, finding.position_m) is None:
         found.append((finding.position_m, finding.covariance_m2))
