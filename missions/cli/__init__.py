@@ -18,6 +18,7 @@ VERBS = {
     "scenarios": "list the shipped scenarios, or check a file",
     "reproduce": "compare every exhibit of the Dir-MUSIC paper with ours",
     "locate": "locate discharges in field data",
+    "gap": "compare a recording with the simulation of the same drive",
     "calibrate": "learn the pattern of an antenna from turns on the spot",
     "trend": "compare repeated inspections of one yard",
     "export": "write a mission as CSV, GeoJSON, Parquet and MCAP",

@@ -63,7 +63,7 @@ def locate(
             with stopwatch.on("following"):
                 table = follow_survey(table, survey, folder, idle_s, live, err if json_output else out).path
         with err.status(f"Reading {table.name}"), stopwatch.on("reading"):
-            data = replace(_read(table, survey), path=title)
+            data = replace(read_survey(table, survey), path=title)
         with progress_bar() as progress, stopwatch.on("locating"):
             bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
             log = locate_field_data(data, survey, lambda share: progress.advance(bar, share))
@@ -76,7 +76,7 @@ def locate(
     print_outcome(report, folder, [counts], json_output)
 
 
-def _read(path: Path, survey: SurveyOptions) -> FieldData:
+def read_survey(path: Path, survey: SurveyOptions) -> FieldData:
     """Read a table, or a recording of ROS 2."""
     if path.suffix.lower() in (".mcap", ".db3") or path.is_dir():
         from pdpatrol.missions.field.ros2_bag import read_bag  # rosbags is optional

@@ -1,0 +1,358 @@
+"""Comparison of a recording with its scenario: rows of the gap report, and the scenario with the fitted values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from dirmusic import Finding, InputFileError
+from dirmusic.arrays import FloatArray, IntArray
+from pdpatrol.envs.scenario import Scenario
+from pdpatrol.missions.field.field_data import FieldData
+from pdpatrol.missions.field.gap.noise_free import NoiseFreeDrive
+from pdpatrol.missions.field.gap.recorded_strengths import Groups, NoiseEstimate, estimate_noise, group_pulses
+from pdpatrol.missions.field.gap.world_fit import RATIOS, DriveFit, WorldFit, candidates
+from pdpatrol.missions.field.locate_field_data import FieldLocator
+from pdpatrol.missions.field.survey import SurveyOptions
+from pdpatrol.sensing.array.helical_array import SHIPPED_PATTERNS
+from pdpatrol.sensing.radio.materials import GroundName
+
+SIGMAS = 3.0
+"""Half-width of the intervals in standard deviations. With about ten rows, all hold together with more than 95 %."""
+
+TAIL = 0.00135
+"""Probability beyond each end of such an interval."""
+
+MODEL_WIDTH, MODEL_DB, MODEL_RATIO = 0.008, 0.15, 0.12
+"""Standard deviations of errors of the model itself: relative width of the beam, gain of a channel or noise, and
+logarithm of the pose errors. Assumed; without them, recordings of the simulator itself left the intervals too often."""
+
+LEAST_EVIDENCE = 8.0
+"""Difference of the log evidence from which on a ground is excluded: 3000 to 1 (assumed)."""
+
+LONGEST_M, LEAST_SHARE = 1.0, 0.05
+"""Semi-major axis up to which, and share of the pulses from which on, a candidate is taken as a source (assumed)."""
+
+MISMATCH = 0.3
+"""Distance between strengths of unit norm from which on a simulated source does not explain a pulse (assumed)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Row of the gap report.
+
+    Attributes:
+        quantity: What is compared.
+        unit: Unit of the numbers; empty for the ground.
+        estimate: Value by the recording.
+        interval: Lower and upper end; for the ground, all materials that are not excluded.
+        expected: Value by the scenario.
+        is_claimed: True if the interval excludes the expected value.
+    """
+
+    quantity: str
+    unit: str
+    estimate: float | str
+    interval: tuple[float, float] | tuple[str, ...]
+    expected: float | str
+    is_claimed: bool
+
+    @classmethod
+    def of(cls, quantity: str, unit: str, estimate: float, std: float, expected: float) -> Difference:
+        """Make the row of an estimate with a standard deviation."""
+        return cls.within(quantity, unit, estimate, (estimate - SIGMAS * std, estimate + SIGMAS * std), expected)
+
+    @classmethod
+    def within(
+        cls, quantity: str, unit: str, estimate: float, interval: tuple[float, float], expected: float
+    ) -> Difference:
+        """Make the row of an estimate with an interval."""
+        low, high = map(float, interval)
+        is_claimed = not low <= expected <= high
+        return cls(
+            quantity=quantity,
+            unit=unit,
+            estimate=float(estimate),
+            interval=(low, high),
+            expected=float(expected),
+            is_claimed=is_claimed,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """Gap report.
+
+    Attributes:
+        rows: The comparisons.
+        scenario: The scenario that the recording was compared with.
+        findings: Findings that were compared, in order of the sources of the fit.
+        fit: World with the likeliest ground.
+        believed: World fitted with the ground of the scenario.
+        groups: Recorded strengths.
+        noise: Noise of the receiver.
+        pose: Recorded pose of each step of the groups, shape (n_steps, 3).
+    """
+
+    rows: tuple[Difference, ...]
+    scenario: Scenario
+    findings: tuple[Finding, ...]
+    fit: WorldFit
+    believed: WorldFit
+    groups: Groups
+    noise: NoiseEstimate
+    pose: FloatArray
+
+
+def survey_of(scenario: Scenario, yard: Path) -> SurveyOptions:
+    """Return the options by which `locate` reads a survey made with the array and pose sensor of a scenario.
+
+    Raises:
+        InputFileError: If its elements are not level or not on the ring.
+    """
+    array, sensor, boresights_deg = scenario.array, scenario.pose_sensor, None
+    if array.elements:
+        if any(element.elevation_deg != 0.0 or element.position_m is not None for element in array.elements):
+            raise InputFileError([f"{yard}: array.elements: must be level and on the ring, for a gap report"])
+        boresights_deg = tuple(element.azimuth_deg for element in array.elements)
+    elif array.n_channels != 6:
+        boresights_deg = tuple(90.0 - 360.0 / array.n_channels * k for k in range(array.n_channels))
+    return SurveyOptions(
+        pattern=None if array.pattern is None else SHIPPED_PATTERNS.get(array.pattern, Path(array.pattern)),
+        boresights_deg=boresights_deg,
+        ring_radius_m=array.ring_radius_m,
+        height_m=array.height_m,
+        gain_error=array.gain_error,
+        pointing_error_deg=array.pointing_error_deg,
+        gain_offset=array.gain_offset,
+        position_std_m=sensor.position_std_m,
+        heading_std_deg=sensor.heading_std_deg,
+        pose_correlation_s=sensor.correlation_s,
+        yard=yard,
+    )
+
+
+def compare(
+    data: FieldData, scenario: Scenario, survey: SurveyOptions, progress: Callable[[float], None] = lambda share: None
+) -> Gap:
+    """Locate the sources of a recording, simulate the same drive, and compare both.
+
+    Args:
+        data: The recording.
+        scenario: Yard, array, receiver, ground and pose errors as they are believed.
+        survey: Options of `survey_of`.
+        progress: Called with the share of the locating that was done since the last call.
+
+    Raises:
+        InputFileError: If the channels differ from those of the scenario, or the recording cannot be compared because
+            nothing is confirmed, or because there are too few pulses.
+    """
+    n = scenario.array.n_channels
+    if data.channels.size != n:
+        raise InputFileError([f"{data.path}: must have {n} live channels as the scenario, got {data.channels.size}"])
+    locator = FieldLocator(data, survey)
+    locator.add(data, progress)
+    log = locator.finish()
+    table = log.table("association")
+    findings = tuple(
+        finding
+        for finding in locator.findings
+        if (finding.state == "confirmed" or _is_probable(finding, table["finding"])) and candidates(finding, scenario)
+    )
+    if not any(finding.state == "confirmed" for finding in findings):
+        raise InputFileError([f"{data.path}: must have a confirmed finding outside equipment or at a site, got none"])
+    ids = np.array([finding.id for finding in findings])
+    is_own = np.isin(table["finding"], ids)
+    pulse = table["pulse"][is_own]
+    source = (table["finding"][is_own][:, np.newaxis] == ids).argmax(axis=1)
+    return compare_located(data, scenario, findings, pulse, source)
+
+
+def _is_probable(finding: Finding, associated: IntArray) -> bool:
+    """Return whether a candidate is located, and has a good share of the pulses."""
+    n_own = int(np.count_nonzero(associated == finding.id))
+    return finding.state == "candidate" and finding.semi_major_m < LONGEST_M and n_own > LEAST_SHARE * associated.size
+
+
+def compare_located(
+    data: FieldData, scenario: Scenario, findings: tuple[Finding, ...], pulse: IntArray, source: IntArray
+) -> Gap:
+    """Compare a recording with the simulated drive.
+
+    Args:
+        data: The recording.
+        scenario: As in `compare`.
+        findings: Confirmed findings.
+        pulse: Pulses that belong to these, shape (n,).
+        source: Number of the finding of each of these, from 0, shape (n,).
+
+    Raises:
+        InputFileError: If there are too few pulses.
+    """
+    strengths_v = data.pulses.strengths_v[pulse]
+    groups, group = group_pulses(strengths_v, data.step[pulse], source)
+    noise = estimate_noise(strengths_v, group, scenario.receiver)
+    if noise is None:
+        must = "must have at least 3 pulses of a finding at each of 2 poses, well above the noise"
+        raise InputFileError([f"{data.path}: {must}"])
+    steps, at = np.unique(groups.step, return_inverse=True)
+    groups = groups._replace(step=at.astype(np.intp))
+    pose = data.pose[steps]
+    fitter = DriveFit(scenario, groups, noise.variance_v2, data.time_s[steps], pose, findings)
+    believed_ground = scenario.radio.ground
+    grounds: tuple[GroundName, ...] = (believed_ground, "gravel", "wet_soil")
+    fits: dict[GroundName, WorldFit] = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
+    best = max(fits.values(), key=lambda fit: fit.log_evidence)
+    rows = [
+        Difference.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB)), 0.0),
+        Difference.of(
+            "beam width", "%", 100 * (best.world.beam_width - 1), 100 * np.hypot(best.width_std, MODEL_WIDTH), 0.0
+        ),
+        *_gain_rows(best, scenario),
+        _ground_row(fits, believed_ground),
+        _pose_row(best),
+        _unexplained_row(data, scenario, best, noise),
+    ]
+    return Gap(
+        rows=tuple(rows),
+        scenario=scenario,
+        findings=findings,
+        fit=best,
+        believed=fits[believed_ground],
+        groups=groups,
+        noise=noise,
+        pose=pose,
+    )
+
+
+def _gain_rows(fit: WorldFit, scenario: Scenario) -> list[Difference]:
+    """Return the gain of each channel relative to the median channel; the spread of the data sheet is no difference."""
+    n, db = fit.log_gain.size, 20.0 / np.log(10.0)
+    gain_db = db * (fit.log_gain - np.median(fit.log_gain))
+    relative = np.eye(n) - 1.0 / n
+    variance = np.diag(relative @ fit.log_gain_covariance @ relative.T) + (1.0 + 0.5 * np.pi / n) * (
+        scenario.array.gain_error**2
+    )
+    std_db = np.hypot(db * np.sqrt(variance), MODEL_DB)
+    return [Difference.of(f"gain of channel {k + 1}", "dB", gain_db[k], std_db[k], 0.0) for k in range(n)]
+
+
+def _ground_row(fits: dict[GroundName, WorldFit], expected: GroundName) -> Difference:
+    """Return the material of the ground that explains the levels best."""
+    evidence = {ground: fit.log_evidence for ground, fit in fits.items()}
+    best = max(evidence, key=lambda ground: evidence[ground])
+    possible = tuple(ground for ground in evidence if evidence[ground] > evidence[best] - LEAST_EVIDENCE)
+    return Difference(
+        quantity="ground",
+        unit="",
+        estimate=best,
+        interval=possible,
+        expected=expected,
+        is_claimed=expected not in possible,
+    )
+
+
+def _pose_row(fit: WorldFit) -> Difference:
+    """Return the errors of the poses relative to the stated ones."""
+    total, middle = np.cumsum(fit.ratio_density), np.log(pose_ratio(fit))
+    edges = np.log(RATIOS) + 0.5 * np.log(RATIOS[1] / RATIOS[0])
+    ends = np.interp([TAIL, 1.0 - TAIL], total, edges) - middle
+    low, high = middle + np.sign(ends) * np.hypot(ends, SIGMAS * MODEL_RATIO)
+    return Difference.within("pose errors", "times", float(np.exp(middle)), (np.exp(low), np.exp(high)), 1.0)
+
+
+def pose_ratio(fit: WorldFit) -> float:
+    """Return the mean estimate of the pose errors relative to the stated ones."""
+    return float(np.exp(fit.ratio_density @ np.log(RATIOS)))
+
+
+def _unexplained_row(data: FieldData, scenario: Scenario, fit: WorldFit, noise: NoiseEstimate) -> Difference:
+    """Return the share of pulses whose strength ratios are those of no source at the recorded pose.
+
+    It is compared with the share of pulses that are simulated in the fitted world at poses with errors.
+    """
+    steps, count = np.unique(data.step, return_counts=True)
+    n_sources = len(fit.log_level)
+    row = np.arange(steps.size)
+    drive = NoiseFreeDrive(
+        scenario=scenario, step=np.repeat(row, n_sources), source=np.tile(np.arange(n_sources), steps.size)
+    )
+    rng, scale = np.random.default_rng(0), np.exp(fit.log_gain + fit.log_level[drive.source, np.newaxis])
+    off = pose_ratio(fit) * scenario.pose_sensor.std * rng.standard_normal((steps.size, 3))
+    model = drive.strengths(data.pose[steps], fit.world) * scale
+    simulated = drive.strengths(data.pose[steps] + off, fit.world) * scale
+    simulated = simulated + np.sqrt(noise.variance_v2) * rng.standard_normal(model.shape)
+    at = np.searchsorted(steps, data.step)
+    recorded = data.pulses.strengths_v
+    level_v = np.linalg.norm(simulated, axis=1)
+    weight = (level_v >= np.linalg.norm(recorded, axis=1).min()).astype(np.float64)
+    model = model.reshape(steps.size, n_sources, -1)
+    of_recorded = np.bincount(at, _is_unexplained(recorded, model[at], noise.variance_v2), steps.size) / count
+    n_simulated = np.bincount(drive.step, weight, steps.size)
+    of_simulated = np.bincount(
+        drive.step, weight * _is_unexplained(simulated, model[drive.step], noise.variance_v2), steps.size
+    ) / np.maximum(n_simulated, 1.0)
+    share = count / count.sum()
+    estimate, expected = float(share @ of_recorded), float(share @ of_simulated)
+    apart = of_recorded - of_simulated - (estimate - expected)
+    std = float(np.sqrt(np.square(share * apart).sum() + 0.25 * np.square(share).sum() * 0.01))
+    ends = max(estimate - SIGMAS * std, 0.0), min(estimate + SIGMAS * std, 1.0)
+    return Difference.within("pulses unexplained", "%", 100 * estimate, (100 * ends[0], 100 * ends[1]), 100 * expected)
+
+
+def _is_unexplained(strengths_v: FloatArray, model_v: FloatArray, variance_v2: float) -> FloatArray:
+    """Return 1 for pulses that differ from all sources by more than `MISMATCH` and the noise, else 0, shape (n,).
+
+    Args:
+        strengths_v: Strengths, shape (n, n_elements).
+        model_v: Strengths of each source at the pose, shape (n, n_sources, n_elements).
+        variance_v2: Variance of a strength.
+    """
+    level2 = np.square(strengths_v).sum(axis=1)
+    unit = strengths_v / np.sqrt(level2)[:, np.newaxis]
+    expected = model_v / np.linalg.norm(model_v, axis=2, keepdims=True)
+    apart2 = np.square(unit[:, np.newaxis] - expected).sum(axis=2).min(axis=1)
+    return (apart2 > MISMATCH**2 + SIGMAS**2 * unit.shape[1] * variance_v2 / level2).astype(np.float64)
+
+
+def fitted_scenario(gap: Gap, name: str) -> str:
+    """Return the scenario with the fitted values as TOML; gains are those of channels that clearly differ."""
+    scenario, fit = gap.scenario, gap.fit
+    sensor, ratio = scenario.pose_sensor, pose_ratio(fit)
+    data = scenario.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    gains = [row for row in gap.rows if row.quantity.startswith("gain of channel")]
+    faults: list[dict[str, Any]] = [
+        {"channel": k + 1, "kind": "gain_drift", "gain_db": row.estimate}
+        for k, row in enumerate(gains)
+        if row.is_claimed
+    ]
+    data["name"] = name
+    data["receiver"] = data.get("receiver", {}) | {"noise_v": scenario.receiver.noise_v * 10 ** (gap.noise.db / 20)}
+    data["radio"] = data.get("radio", {}) | {"ground": fit.world.ground}
+    data["nature"] = {
+        "array": {"beam_width_scale": fit.world.beam_width},
+        "pose_sensor": {
+            "position_std_m": ratio * sensor.position_std_m,
+            "heading_std_deg": ratio * sensor.heading_std_deg,
+        },
+    } | ({"receiver": {"faults": faults}} if faults else {})
+    rate_hz = float(np.median(gap.groups.n_pulses))
+    data["sources"] = [
+        {
+            "name": f"finding_{finding.id}",
+            "position_m": np.round(position_m, 6).tolist(),
+            "amplitude_v": float(np.exp(level + np.median(fit.log_gain))),
+            "amplitude_range_db": 0.0,
+            "pulse_rate_hz": rate_hz,
+            "polarisation": axis.tolist(),
+        }
+        for finding, position_m, level, axis in zip(
+            gap.findings, fit.world.positions_m, fit.log_level, fit.world.axes, strict=True
+        )
+    ]
+    return tomlkit.dumps(data)

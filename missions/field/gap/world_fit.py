@@ -1,0 +1,339 @@
+"""Fit of the world to a recording: sources, array, poses and ground with which the simulated drive is most alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag, solve_triangular
+
+from dirmusic import Finding
+from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.locating.joint_fit import YAW_PRIOR_RAD
+from pdpatrol.envs.scenario import Scenario
+from pdpatrol.envs.scenario.scenario import position_error
+from pdpatrol.missions.field.gap.noise_free import NoiseFreeDrive, World
+from pdpatrol.missions.field.gap.recorded_strengths import Groups
+from pdpatrol.sensing.radio.materials import GroundName
+
+LEVEL_STD, GAIN_STD, WIDTH_STD = 3.0, 0.7, 0.3
+"""Prior standard deviations of the logarithms of the level of a source and of the gain of a channel, and of the
+relative width of the beam. Assumed; so wide that the data determine these."""
+
+UNEXPLAINED_LEVEL, FAR_OFF = 0.08, 2.0
+"""Relative error of a level that nothing explains, 0.7 dB, and number of these from which on the error of a level is
+taken to be as large as its residual (assumed). They limit how sure the ground is."""
+
+SITE_STD_M, OFF_SITE, NEAR_SITE_M = 1e-3, 4.0, 0.5
+"""Standard deviation of the position of a source at a site, and distances of a finding from a site, in standard
+deviations and in metres, up to which the source may be there (assumed). Next to metal, levels change within
+centimetres."""
+
+STEPS = {"place": 0.02, "axis": 0.1, "pointing": np.radians(1.0), "width": 0.02}
+"""Steps of the differences by which derivatives are computed: metres, 1, radians, 1."""
+
+RATIOS = 2.0 ** np.linspace(-2.5, 2.5, 31)
+UNEXPLAINED = 0.005 * 2.0 ** np.linspace(0.0, 6.0, 13)
+"""Ratios of the pose errors to the stated ones, and relative errors of strengths that nothing explains, that are
+compared."""
+
+ROUNDS, FIRST_ROUNDS, HALVINGS = 7, 3, 3
+"""Number of times that the model is linearised and fitted again, of these with the errors as stated, and largest number
+of times that a step is halved (assumed)."""
+
+N_AXES = 40
+"""Number of directions of polarisation from which the fit may start, spread evenly over half a sphere (assumed)."""
+
+GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldFit:
+    """World with which the simulated drive is most alike the recording.
+
+    Attributes:
+        world: Sources, array and ground.
+        pose: Poses, shape (n_steps, 3).
+        log_level: Logarithm of the amplitude of each source in volts 1 m from it, shape (n_sources,).
+        log_gain: Logarithm of the gain of each channel, shape (n_elements,).
+        log_gain_covariance: Its covariance, shape (n_elements, n_elements).
+        width_std: Standard deviation of the width of the beam.
+        ratio_density: Posterior probability of each of `RATIOS`.
+        log_evidence: Logarithm of the density of the recording with this ground.
+        residual: Recorded minus simulated strengths relative to the recorded level, shape (n_groups, n_elements).
+        simulated: Simulated strengths with gains and levels, volts, shape (n_groups, n_elements).
+    """
+
+    world: World
+    pose: FloatArray
+    log_level: FloatArray
+    log_gain: FloatArray
+    log_gain_covariance: FloatArray
+    width_std: float
+    ratio_density: FloatArray
+    log_evidence: float
+    residual: FloatArray
+    simulated: FloatArray
+
+
+Place = tuple[FloatArray, FloatArray]
+"""Position of a source, shape (3,), and its covariance, shape (3, 3)."""
+
+
+class _Linear(NamedTuple):
+    """Model linearised at a state.
+
+    Attributes:
+        simulated: Simulated strengths, volts, shape (n_groups, n_elements).
+        residual: As in `WorldFit`.
+        slope: Derivatives of the simulated strengths relative to the recorded level, shape (n_groups, n_elements,
+            n_states).
+        curved: Change of these by the curvature for pose errors as stated, shape (3, n_groups, n_elements).
+    """
+
+    simulated: FloatArray
+    residual: FloatArray
+    slope: FloatArray
+    curved: FloatArray
+
+
+class DriveFit:
+    """Maximum a posteriori fit for one ground; states are places, axes, levels, gains, pointings, width and poses."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        groups: Groups,
+        noise_v2: float,
+        time_s: FloatArray,
+        pose: FloatArray,
+        findings: Sequence[Finding],
+    ) -> None:
+        self._groups, self._pose = groups, pose
+        self._candidates = [candidates(finding, scenario) for finding in findings]
+        self._drive = NoiseFreeDrive(scenario=scenario, step=groups.step, source=groups.source)
+        self._scale_v, self._pose_std = np.exp(groups.log_level), scenario.pose_sensor.std
+        n_sources, self._n = len(findings), scenario.array.n_channels
+        self._sizes = np.cumsum([3 * n_sources, 3 * n_sources, n_sources, self._n, self._n, 1])
+        lag_s = np.abs(time_s[:, np.newaxis] - time_s)
+        correlation = np.exp(-lag_s / scenario.pose_sensor.correlation_s) + 1e-9 * np.eye(time_s.size)
+        self._pose_covariance = np.kron(correlation, np.diag(np.square(np.maximum(self._pose_std, 1e-6))))
+        pointing = np.radians(max(scenario.array.pointing_error_deg, 0.1)) ** 2 * np.eye(self._n) + YAW_PRIOR_RAD**2
+        of_sources = np.repeat([1.0, LEVEL_STD], [3 * n_sources, n_sources])
+        self._of_others = block_diag(
+            np.diag(np.square(of_sources)), GAIN_STD**2 * np.eye(self._n), pointing, np.array([[WIDTH_STD**2]])
+        )
+        noise = noise_v2 / (groups.n_pulses * np.square(self._scale_v))
+        self._along = np.einsum("gi,gj->gij", groups.unit, groups.unit)
+        self._noise = noise[:, np.newaxis, np.newaxis] * np.eye(self._n)
+        self._noise += groups.level_variance[:, np.newaxis, np.newaxis] * self._along
+
+    def _world(self, state: FloatArray, ground: GroundName) -> World:
+        places, axes, _, _, pointing, width, _ = np.split(state, self._sizes)
+        return World(
+            positions_m=places.reshape(-1, 3),
+            axes=axes.reshape(-1, 3),
+            pointing_rad=pointing,
+            beam_width=float(np.clip(1.0 + width[0], 0.7, 1.5)),
+            ground=ground,
+        )
+
+    def _simulate(self, state: FloatArray, ground: GroundName) -> FloatArray:
+        """Return the simulated strengths in volts, shape (n_groups, n_elements)."""
+        _, _, level, gain, _, _, off = np.split(state, self._sizes)
+        strengths = self._drive.strengths(self._pose + off.reshape(-1, 3), self._world(state, ground))
+        return strengths * np.exp(level[self._groups.source, np.newaxis] + gain)
+
+    def _linearise(self, state: FloatArray, ground: GroundName) -> _Linear:
+        groups, places, axes, level, gain, pointing, width = (
+            self._groups,
+            *np.split(np.arange(state.size), self._sizes)[:-1],
+        )
+        scale = 1.0 / self._scale_v[:, np.newaxis]
+        here = self._simulate(state, ground)
+        slope = np.zeros((*here.shape, state.size))
+        row, channel = np.arange(len(here)), np.arange(self._n)
+
+        def both(states: IntArray, step: float) -> tuple[FloatArray, FloatArray]:
+            """Return simulations with these states increased and decreased."""
+            change = np.zeros(state.size)
+            change[states] = step
+            return self._simulate(state + change, ground), self._simulate(state - change, ground)
+
+        for k in range(3):
+            for states, name in ((places, "place"), (axes, "axis")):
+                is_at_site = self._is_at_site & (name == "place")
+                more, less = both(states[k::3][~is_at_site], STEPS[name])
+                slope[row, :, states[3 * groups.source + k]] = (more - less) * scale / (2 * STEPS[name])
+        slope[row, :, level[groups.source]] = here * scale
+        slope[:, channel, gain] = here * scale
+        more, less = both(pointing, STEPS["pointing"])
+        slope[:, channel, pointing] = (more - less) * scale / (2 * STEPS["pointing"])
+        more, less = both(width, STEPS["width"])
+        slope[:, :, width[0]] = (more - less) * scale / (2 * STEPS["width"])
+        curved = np.zeros((3, *here.shape))
+        for k, std in enumerate(np.maximum(self._pose_std, 1e-6)):
+            more, less = both(np.arange(self._sizes[-1] + k, state.size, 3), std)
+            slope[row, :, self._sizes[-1] + 3 * groups.step + k] = (more - less) * scale / (2 * std)
+            curved[k] = 0.5 * (more + less - 2 * here) * scale
+        return _Linear(here, groups.unit - here * scale, slope, curved)
+
+    def _errors(self, linear: _Linear, unexplained: float) -> FloatArray:
+        """Return the covariance of the residuals of each group, shape (n_groups, n_elements, n_elements)."""
+        curved = np.einsum("kgi,kgj->gij", linear.curved, linear.curved)
+        own = np.einsum("gij,ij->gij", self._along, np.eye(self._n))
+        off2 = np.square(np.einsum("gi,gi->g", self._groups.unit, linear.residual))
+        level2 = UNEXPLAINED_LEVEL**2 + np.maximum(off2 - (FAR_OFF * UNEXPLAINED_LEVEL) ** 2, 0.0)
+        return self._noise + curved + unexplained**2 * own + level2[:, np.newaxis, np.newaxis] * self._along
+
+    def _start(self, ground: GroundName) -> tuple[FloatArray, FloatArray]:
+        """Return the state with the places and polarisations that explain the levels best, and the prior covariance.
+
+        The covariance is that of all states but the poses.
+        """
+        n_sources, groups = len(self._candidates), self._groups
+        state = np.zeros(self._sizes[-1] + self._pose.size)
+        places, axes, level, *_ = np.split(np.arange(state.size), self._sizes)
+        least, place_covariances = np.full(n_sources, np.inf), [np.eye(3)] * n_sources
+        chosen = state.copy()
+        for number in range(max(map(len, self._candidates))):
+            tried = [own[min(number, len(own) - 1)] for own in self._candidates]
+            state[places] = np.concatenate([place_m for place_m, _ in tried])
+            for row in range(N_AXES):
+                up, turn_rad = (row + 0.5) / N_AXES, row * GOLDEN_RAD
+                level_part = np.sqrt(1.0 - up**2)
+                axis = np.array([level_part * np.cos(turn_rad), level_part * np.sin(turn_rad), up])
+                state[axes] = np.tile(axis, n_sources)
+                simulated = self._simulate(state, ground)
+                log_ratio = groups.log_level - np.log(np.linalg.norm(simulated, axis=1))
+                for k in range(n_sources):
+                    of_source = log_ratio[groups.source == k]
+                    middle, own = np.median(of_source), slice(3 * k, 3 * k + 3)
+                    cost = np.abs(of_source - middle).sum()
+                    if cost < least[k]:
+                        least[k], chosen[level[k]], place_covariances[k] = cost, middle, tried[k][1]
+                        chosen[places[own]], chosen[axes[own]] = state[places[own]], state[axes[own]]
+        self._is_at_site = np.array([covariance_m2[0, 0] <= SITE_STD_M**2 for covariance_m2 in place_covariances])
+        return chosen, block_diag(*place_covariances, self._of_others)
+
+    def solve(self, ground: GroundName) -> WorldFit:
+        """Fit all states, the ratio of the pose errors and the unexplained errors."""
+        ratio, unexplained = 1.0, 0.1
+        state, self._global_covariance = self._start(ground)
+        mean = np.zeros(state.size)
+        mean[: self._sizes[0]] = state[: self._sizes[0]]
+        linear, best = self._linearise(state, ground), None
+        for number in range(ROUNDS):
+            state = self._advance(linear, state, mean, ground, ratio, unexplained)
+            linear = self._linearise(state, ground)
+            if number >= FIRST_ROUNDS:
+                density, log_evidence = self._weigh(linear, state - mean)
+                ratio = float(np.exp(density.sum(axis=1) @ np.log(RATIOS)))
+                unexplained = float(np.exp(density.sum(axis=0) @ np.log(UNEXPLAINED)))
+                if best is None or log_evidence > best.log_evidence:
+                    covariance, _ = self._step(linear, state - mean, ratio, unexplained)
+                    best = self._result(ground, linear, state, covariance, density, log_evidence)
+        assert best is not None
+        return best
+
+    def _result(
+        self,
+        ground: GroundName,
+        linear: _Linear,
+        state: FloatArray,
+        covariance: FloatArray,
+        density: FloatArray,
+        log_evidence: float,
+    ) -> WorldFit:
+        _, _, level, gain, _, width, off = np.split(np.arange(state.size), self._sizes)
+        pose = self._pose.copy()
+        pose += state[off].reshape(-1, 3)
+        return WorldFit(
+            world=self._world(state, ground),
+            pose=pose,
+            log_level=state[level],
+            log_gain=state[gain],
+            log_gain_covariance=covariance[np.ix_(gain, gain)],
+            width_std=float(np.sqrt(covariance[width[0], width[0]])),
+            ratio_density=density.sum(axis=1),
+            log_evidence=log_evidence,
+            residual=linear.residual,
+            simulated=linear.simulated,
+        )
+
+    def _advance(
+        self, linear: _Linear, state: FloatArray, mean: FloatArray, ground: GroundName, ratio: float, unexplained: float
+    ) -> FloatArray:
+        """Return the state after a step, which is halved until the cost decreases."""
+        _, step = self._step(linear, state - mean, ratio, unexplained)
+        weight, prior = np.linalg.inv(self._errors(linear, unexplained)), np.linalg.inv(self._prior(ratio))
+
+        def cost(at: FloatArray, residual: FloatArray) -> float:
+            misfit = np.einsum("gi,gij,gj->g", residual, weight, residual)
+            return float(misfit.sum() + (at - mean) @ prior @ (at - mean))
+
+        before = cost(state, linear.residual)
+        for _ in range(HALVINGS):
+            simulated = self._simulate(state + step, ground)
+            if cost(state + step, self._groups.unit - simulated / self._scale_v[:, np.newaxis]) < before:
+                return state + step
+            step = 0.5 * step
+        return state
+
+    def _prior(self, ratio: float) -> FloatArray:
+        return block_diag(self._global_covariance, ratio**2 * self._pose_covariance)
+
+    def _step(
+        self, linear: _Linear, off: FloatArray, ratio: float, unexplained: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the covariance of the states, and the Gauss-Newton step from a state `off` its prior mean."""
+        weight = np.linalg.inv(self._errors(linear, unexplained))
+        weighted = np.einsum("gij,gjs->gis", weight, linear.slope)
+        prior = np.linalg.inv(self._prior(ratio))
+        information = np.einsum("gis,git->st", linear.slope, weighted, optimize=True) + prior
+        gradient = np.einsum("gis,gi->s", weighted, linear.residual) - prior @ off
+        covariance = np.linalg.inv(information)
+        return covariance, covariance @ gradient
+
+    def _weigh(self, linear: _Linear, off: FloatArray) -> tuple[FloatArray, float]:
+        """Return the posterior of ratios and unexplained errors, and the logarithm of the evidence.
+
+        Both are of the linearised model, in which the residuals are normal; priors are uniform in the logarithms.
+
+        Returns:
+            Probabilities, shape (RATIOS.size, UNEXPLAINED.size), and the log evidence.
+        """
+        slope = linear.slope.reshape(linear.residual.size, -1)
+        from_mean = linear.residual.ravel() + slope @ off
+        n = self._sizes[-1]
+        fixed = slope[:, :n] @ self._global_covariance @ slope[:, :n].T
+        by_pose = slope[:, n:] @ self._pose_covariance @ slope[:, n:].T
+        log_density = np.empty((RATIOS.size, UNEXPLAINED.size))
+        for j, unexplained in enumerate(UNEXPLAINED):
+            root = np.linalg.cholesky(fixed + block_diag(*self._errors(linear, unexplained)))
+            inverse = solve_triangular(root, np.eye(len(root)), lower=True)
+            values, vectors = np.linalg.eigh(inverse @ by_pose @ inverse.T)
+            square = np.square(vectors.T @ inverse @ from_mean)
+            grown = 1.0 + np.multiply.outer(np.square(RATIOS), np.maximum(values, 0.0))
+            log_det = 2.0 * np.log(np.diag(root)).sum() + np.log(grown).sum(axis=1)
+            log_density[:, j] = -0.5 * ((square / grown).sum(axis=1) + log_det)
+        top = log_density.max()
+        density = np.exp(log_density - top)
+        return density / density.sum(), float(top + np.log(density.mean()))
+
+
+def candidates(finding: Finding, scenario: Scenario) -> list[Place]:
+    """Return positions, shape (3,), and their covariances, shape (3, 3), at which the source of a finding may be.
+
+    These are sites of the yard nearby, and the finding itself unless it lies inside equipment.
+    """
+    yard, information, found = scenario.known_yard, np.linalg.inv(finding.covariance_m2), list[Place]()
+    for name in yard.site_names():
+        off_m = yard.site_position(name) - finding.position_m
+        if off_m @ information @ off_m < OFF_SITE**2 or np.linalg.norm(off_m) < NEAR_SITE_M:
+            found.append((yard.site_position(name), SITE_STD_M**2 * np.eye(3)))
+    if position_error(yard, finding.position_m) is None:
+        found.append((finding.position_m, finding.covariance_m2))
+    return found
