@@ -26,7 +26,7 @@ UNEXPLAINED_LEVEL, FAR_OFF = 0.08, 2.0
 """Relative error of a level that nothing explains, 0.7 dB, and number of these from which on the error of a level is
 taken to be as large as its residual (assumed). They limit how sure the ground is."""
 
-SITE_STD_M, OFF_SITE, NEAR_SITE_M = 1e-3, 4.0, 0.5
+SITE_STD_M, OFF_SITE, NEAR_SITE_M = 1e-3, 4.0, 1.0
 """Standard deviation of the position of a source at a site, and distances of a finding from a site, in standard
 deviations and in metres, up to which the source may be there (assumed). Next to metal, levels change within
 centimetres."""
@@ -39,7 +39,7 @@ UNEXPLAINED = 0.005 * 2.0 ** np.linspace(0.0, 6.0, 13)
 """Ratios of the pose errors to the stated ones, and relative errors of strengths that nothing explains, that are
 compared."""
 
-ROUNDS, FIRST_ROUNDS, HALVINGS = 7, 3, 3
+ROUNDS, FIRST_ROUNDS, HALVINGS = 7, 3, 7
 """Number of times that the model is linearised and fitted again, of these with the errors as stated, and largest number
 of times that a step is halved (assumed)."""
 
