@@ -190,8 +190,8 @@ class FieldLocator:
         self._tracker.refit(time_s)
         self._refitted_step = self.log.last_step
         # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
-        # hours is refitted only a hundred times.
-        self._due_s = time_s + max(1.0, 0.05 * (time_s - self._start_s))
+        # hours is refitted only a few hundred times.
+        self._due_s = time_s + max(1.0, 0.02 * (time_s - self._start_s))
 
     def finish(self) -> MissionLog:
         """Fit all pulses again and complete the log; at least one step must have been added."""
