@@ -136,7 +136,7 @@ def survey_rows(
         [
             table.numbers(-5e9, 5e9, "time_s"),  # includes Unix times in seconds, but not in milliseconds
             table.numbers(-1e6, 1e6, "x_m", "y_m"),  # a site of 1 km in millimetres is read, and doubted
-            np.radians(HEADINGS[heading].yaw_deg(table.numbers(-720, 720, "yaw_deg"))),
+            np.radians(HEADINGS[heading].yaw_deg(table.numbers(-36_000, 36_000, "yaw_deg"))),  # up to a hundred turns
         ]
     )
     phase_rad = np.full(len(poses), np.nan)
