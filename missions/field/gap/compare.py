@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import tomlkit
+from threadpoolctl import threadpool_limits
 
 from dirmusic import Finding, InputFileError
 from dirmusic.arrays import FloatArray, IntArray
@@ -206,7 +207,8 @@ def compare_located(
     fitter = DriveFit(scenario, groups, noise.variance_v2, data.time_s[steps], pose, findings)
     believed_ground = scenario.radio.ground
     grounds: tuple[GroundName, ...] = (believed_ground, "gravel", "wet_soil")
-    fits: dict[GroundName, WorldFit] = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
+    with threadpool_limits(limits=1):  # threads of small matrices wait for one another
+        fits: dict[GroundName, WorldFit] = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
     best = max(fits.values(), key=lambda fit: fit.log_evidence)
     rows = [
         Difference.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB)), 0.0),
