@@ -194,7 +194,7 @@ class ChannelMonitor:
     ) -> tuple[float, SuspectChannel] | None:
         """Return the median misfit without channel k and the fault of that channel.
 
-        The result is None if the channel is not faulty, or if the median misfit without it is not below `most`.
+        Returns None if the channel is not faulty, or if the median misfit without it is at least `most`.
         """
         others = np.delete(np.arange(channels.size), k)
         azimuth, _, misfit, _ = self._fit(strengths_v[:, others], channels[others])

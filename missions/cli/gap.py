@@ -60,5 +60,7 @@ def gap(
         out.print_json(data=as_json(found))
         return
     out.print(gap_table(found))
-    out.print("Intervals of 3 standard deviations: all rows hold together with more than 95 %.")
+    out.print(
+        "Intervals are 3 standard deviations on each side. A ground or pose error may be missed; see the how-to page."
+    )
     print_written(folder, "gap.json", "gap.png", "fitted.toml")

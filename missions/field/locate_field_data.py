@@ -162,8 +162,10 @@ class FieldLocator:
         """Locate with steps of the past: fit only once, at their end."""
         rules = self._locator.rules
         self._locator.rules = replace(rules, refit_s=CATCH_UP_S)
-        self.add(data)
-        self._locator.rules = rules
+        try:
+            self.add(data)
+        finally:
+            self._locator.rules = rules
         with threadpool_limits(limits=1):
             self._refit(float(data.time_s[-1]))
 

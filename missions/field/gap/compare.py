@@ -16,7 +16,7 @@ from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.field.gap.noise_free import NoiseFreeDrive
-from pdpatrol.missions.field.gap.recorded_strengths import Groups, NoiseEstimate, estimate_noise, group_pulses
+from pdpatrol.missions.field.gap.recorded_strengths import NoiseEstimate, PulseGroups, estimate_noise, group_pulses
 from pdpatrol.missions.field.gap.world_fit import RATIOS, DriveFit, WorldFit, candidates
 from pdpatrol.missions.field.locate_field_data import FieldLocator
 from pdpatrol.missions.field.survey import SurveyOptions
@@ -24,7 +24,8 @@ from pdpatrol.sensing.array.helical_array import SHIPPED_PATTERNS
 from pdpatrol.sensing.radio.materials import GroundName
 
 SIGMAS = 3.0
-"""Half-width of the intervals in standard deviations. With about ten rows, all hold together with more than 95 %."""
+"""Half-width of the intervals in standard deviations. If errors are normal, about ten rows hold together with more than
+95 %; recordings of the simulator show less for ground and pose errors."""
 
 TAIL = 0.00135
 """Probability beyond each end of such an interval."""
@@ -34,7 +35,7 @@ MODEL_WIDTH, MODEL_DB, MODEL_RATIO = 0.008, 0.15, 0.12
 logarithm of the pose errors. Assumed; without them, recordings of the simulator itself left the intervals too often."""
 
 LEAST_EVIDENCE = 8.0
-"""Difference of the log evidence from which on a ground is excluded: 3000 to 1 (assumed)."""
+"""GapRow of the log evidence from which on a ground is excluded: 3000 to 1 (assumed)."""
 
 LONGEST_M, LEAST_SHARE = 1.0, 0.05
 """Semi-major axis up to which, and share of the pulses from which on, a candidate is taken as a source (assumed)."""
@@ -44,11 +45,11 @@ MISMATCH = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Difference:
+class GapRow:
     """Row of the gap report.
 
     Attributes:
-        quantity: What is compared.
+        quantity: Name of the compared quantity.
         unit: Unit of the numbers; empty for the ground.
         estimate: Value by the recording.
         interval: Lower and upper end; for the ground, all materials that are not excluded.
@@ -64,14 +65,14 @@ class Difference:
     is_claimed: bool
 
     @classmethod
-    def of(cls, quantity: str, unit: str, estimate: float, std: float, expected: float) -> Difference:
+    def of(cls, quantity: str, unit: str, estimate: float, std: float, expected: float) -> GapRow:
         """Make the row of an estimate with a standard deviation."""
         return cls.within(quantity, unit, estimate, (estimate - SIGMAS * std, estimate + SIGMAS * std), expected)
 
     @classmethod
     def within(
         cls, quantity: str, unit: str, estimate: float, interval: tuple[float, float], expected: float
-    ) -> Difference:
+    ) -> GapRow:
         """Make the row of an estimate with an interval."""
         low, high = map(float, interval)
         is_claimed = not low <= expected <= high
@@ -100,12 +101,12 @@ class Gap:
         pose: Recorded pose of each step of the groups, shape (n_steps, 3).
     """
 
-    rows: tuple[Difference, ...]
+    rows: tuple[GapRow, ...]
     scenario: Scenario
     findings: tuple[Finding, ...]
     fit: WorldFit
     believed: WorldFit
-    groups: Groups
+    groups: PulseGroups
     noise: NoiseEstimate
     pose: FloatArray
 
@@ -211,8 +212,8 @@ def compare_located(
         fits: dict[GroundName, WorldFit] = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
     best = max(fits.values(), key=lambda fit: fit.log_evidence)
     rows = [
-        Difference.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB)), 0.0),
-        Difference.of(
+        GapRow.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB)), 0.0),
+        GapRow.of(
             "beam width", "%", 100 * (best.world.beam_width - 1), 100 * np.hypot(best.width_std, MODEL_WIDTH), 0.0
         ),
         *_gain_rows(best, scenario),
@@ -232,8 +233,8 @@ def compare_located(
     )
 
 
-def _gain_rows(fit: WorldFit, scenario: Scenario) -> list[Difference]:
-    """Return the gain of each channel relative to the median channel; the spread of the data sheet is no difference."""
+def _gain_rows(fit: WorldFit, scenario: Scenario) -> list[GapRow]:
+    """Return the gain of each channel relative to the median channel; the intervals include their spread."""
     n, db = fit.log_gain.size, 20.0 / np.log(10.0)
     gain_db = db * (fit.log_gain - np.median(fit.log_gain))
     relative = np.eye(n) - 1.0 / n
@@ -241,15 +242,15 @@ def _gain_rows(fit: WorldFit, scenario: Scenario) -> list[Difference]:
         scenario.array.gain_error**2
     )
     std_db = np.hypot(db * np.sqrt(variance), MODEL_DB)
-    return [Difference.of(f"gain of channel {k + 1}", "dB", gain_db[k], std_db[k], 0.0) for k in range(n)]
+    return [GapRow.of(f"gain of channel {k + 1}", "dB", gain_db[k], std_db[k], 0.0) for k in range(n)]
 
 
-def _ground_row(fits: dict[GroundName, WorldFit], expected: GroundName) -> Difference:
+def _ground_row(fits: dict[GroundName, WorldFit], expected: GroundName) -> GapRow:
     """Return the material of the ground that explains the levels best."""
     evidence = {ground: fit.log_evidence for ground, fit in fits.items()}
     best = max(evidence, key=lambda ground: evidence[ground])
     possible = tuple(ground for ground in evidence if evidence[ground] > evidence[best] - LEAST_EVIDENCE)
-    return Difference(
+    return GapRow(
         quantity="ground",
         unit="",
         estimate=best,
@@ -259,13 +260,13 @@ def _ground_row(fits: dict[GroundName, WorldFit], expected: GroundName) -> Diffe
     )
 
 
-def _pose_row(fit: WorldFit) -> Difference:
+def _pose_row(fit: WorldFit) -> GapRow:
     """Return the errors of the poses relative to the stated ones."""
     total, middle = np.cumsum(fit.ratio_density), np.log(pose_ratio(fit))
     edges = np.log(RATIOS) + 0.5 * np.log(RATIOS[1] / RATIOS[0])
     ends = np.interp([TAIL, 1.0 - TAIL], total, edges) - middle
     low, high = middle + np.sign(ends) * np.hypot(ends, SIGMAS * MODEL_RATIO)
-    return Difference.within("pose errors", "times", float(np.exp(middle)), (np.exp(low), np.exp(high)), 1.0)
+    return GapRow.within("pose errors", "times", float(np.exp(middle)), (np.exp(low), np.exp(high)), 1.0)
 
 
 def pose_ratio(fit: WorldFit) -> float:
@@ -273,8 +274,8 @@ def pose_ratio(fit: WorldFit) -> float:
     return float(np.exp(fit.ratio_density @ np.log(RATIOS)))
 
 
-def _unexplained_row(data: FieldData, scenario: Scenario, fit: WorldFit, noise: NoiseEstimate) -> Difference:
-    """Return the share of pulses whose strength ratios are those of no source at the recorded pose.
+def _unexplained_row(data: FieldData, scenario: Scenario, fit: WorldFit, noise: NoiseEstimate) -> GapRow:
+    """Return the share of pulses whose strength ratios no source causes at the recorded pose.
 
     It is compared with the share of pulses that are simulated in the fitted world at poses with errors.
     """
@@ -304,7 +305,7 @@ def _unexplained_row(data: FieldData, scenario: Scenario, fit: WorldFit, noise: 
     apart = of_recorded - of_simulated - (estimate - expected)
     std = float(np.sqrt(np.square(share * apart).sum() + 0.25 * np.square(share).sum() * 0.01))
     ends = max(estimate - SIGMAS * std, 0.0), min(estimate + SIGMAS * std, 1.0)
-    return Difference.within("pulses unexplained", "%", 100 * estimate, (100 * ends[0], 100 * ends[1]), 100 * expected)
+    return GapRow.within("pulses unexplained", "%", 100 * estimate, (100 * ends[0], 100 * ends[1]), 100 * expected)
 
 
 def _is_unexplained(strengths_v: FloatArray, model_v: FloatArray, variance_v2: float) -> FloatArray:
@@ -323,7 +324,7 @@ def _is_unexplained(strengths_v: FloatArray, model_v: FloatArray, variance_v2: f
 
 
 def fitted_scenario(gap: Gap, name: str) -> str:
-    """Return the scenario with the fitted values as TOML; gains are those of channels that clearly differ."""
+    """Return the scenario with the fitted values as TOML; only gains of channels that clearly differ are changed."""
     scenario, fit = gap.scenario, gap.fit
     sensor, ratio = scenario.pose_sensor, pose_ratio(fit)
     data = scenario.model_dump(mode="json", exclude_none=True, exclude_defaults=True)

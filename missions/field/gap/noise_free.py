@@ -1,4 +1,4 @@
-"""Noise-free strengths of a drive: what the simulated array receives from each source at each pose."""
+"""Noise-free strengths that the simulated array receives from each source at each pose of a drive."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from dirmusic.angles import wrap
-from pdpatrol.missions.field.gap.compare import Difference, Gap
+from pdpatrol.missions.field.gap.compare import Gap, GapRow
 from pdpatrol.sensing import HelicalArray
 
 RECORDED, SIMULATED = "#1f618d", "#d35400"
@@ -35,7 +35,7 @@ def as_json(gap: Gap) -> dict[str, Any]:
     """Return the report as plain data."""
     return {
         "scenario": gap.scenario.name,
-        "interval": "3 standard deviations: all rows hold together with more than 95 %",
+        "interval": "3 standard deviations on each side",
         "rows": [asdict(row) for row in gap.rows],
         "sources": [
             {"finding": finding.id, "position_m": position_m.tolist(), "amplitude_v": float(np.exp(level))}
@@ -50,7 +50,7 @@ def _text(value: float | str, unit: str) -> str:
     return value if isinstance(value, str) else f"{value:.2f} {unit}"
 
 
-def _interval(row: Difference) -> str:
+def _interval(row: GapRow) -> str:
     if isinstance(row.estimate, str):
         return ", ".join(map(str, row.interval))
     low, high = row.interval

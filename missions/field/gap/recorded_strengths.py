@@ -25,7 +25,7 @@ CENSORED_STD, CENSORED_DB = 2.0, 6.0
 have been missed; and standard deviation of such a level (assumed)."""
 
 
-class Groups(NamedTuple):
+class PulseGroups(NamedTuple):
     """Pulses of one finding at one pose, n groups.
 
     Attributes:
@@ -45,7 +45,7 @@ class Groups(NamedTuple):
     level_variance: FloatArray
 
 
-def group_pulses(strengths_v: FloatArray, step: IntArray, source: IntArray) -> tuple[Groups, IntArray]:
+def group_pulses(strengths_v: FloatArray, step: IntArray, source: IntArray) -> tuple[PulseGroups, IntArray]:
     """Average the pulses of each source at each pose.
 
     Levels near that of the weakest pulse are hardly used, because weaker pulses were not detected.
@@ -73,7 +73,7 @@ def group_pulses(strengths_v: FloatArray, step: IntArray, source: IntArray) -> t
     number[kept] = np.arange(kept.size)
     unit = np.sqrt(energy[kept])
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-    groups = Groups(both[0, kept], both[1, kept], n_pulses[kept], unit, mean[kept], variance[kept])
+    groups = PulseGroups(both[0, kept], both[1, kept], n_pulses[kept], unit, mean[kept], variance[kept])
     return groups, number[group]
 
 

@@ -15,7 +15,7 @@ from dirmusic.locating.joint_fit import YAW_PRIOR_RAD
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.scenario import position_error
 from pdpatrol.missions.field.gap.noise_free import NoiseFreeDrive, World
-from pdpatrol.missions.field.gap.recorded_strengths import Groups
+from pdpatrol.missions.field.gap.recorded_strengths import PulseGroups
 from pdpatrol.sensing.radio.materials import GroundName
 
 LEVEL_STD, GAIN_STD, WIDTH_STD = 3.0, 0.7, 0.3
@@ -105,7 +105,7 @@ class DriveFit:
     def __init__(
         self,
         scenario: Scenario,
-        groups: Groups,
+        groups: PulseGroups,
         noise_v2: float,
         time_s: FloatArray,
         pose: FloatArray,
