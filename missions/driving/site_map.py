@@ -164,16 +164,21 @@ class SiteMap:
         """Build the graph of moves over free cells; moves close to equipment cost more."""
         n_cells, n_y = self.is_free.size, round(self.yard.size_m[1] / CELL_M)
         price = 1.0 + np.clip((COMFORT_M - self.clearance_m) / COMFORT_M, 0.0, 1.0)
-        moves = []
+        steps = np.array([n_y * dx + dy for dx, dy in _MOVES])
+        steps = np.sort(np.concatenate([steps, -steps]))
+        costs = np.zeros((n_cells, steps.size))
         for dx, dy in _MOVES:
             by_x, by_y = (np.array([0, int(by / 2), by - int(by / 2), by]) for by in (dx, dy))
             # A move that leaves the grid wraps around to cells along the south or west fence, which are never free.
             passed = (self._free_cells + (n_y * by_x + by_y)[:, np.newaxis]) % n_cells
             passed = passed[:, self.is_free[passed].all(axis=0)]
-            cost = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0)
-            moves += [(cost, passed[0], passed[-1]), (cost, passed[-1], passed[0])]
-        costs, starts, ends = map(np.concatenate, zip(*moves, strict=True))
-        return csr_array((costs, (starts, ends)), shape=(n_cells, n_cells))
+            cost, step = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0), n_y * dx + dy
+            costs[passed[0], np.searchsorted(steps, step)] = cost
+            costs[passed[-1], np.searchsorted(steps, -step)] = cost
+        is_move = costs > 0.0
+        ends = (np.arange(n_cells, dtype=np.int32)[:, np.newaxis] + steps.astype(np.int32))[is_move]
+        begins = np.append(0, np.cumsum(np.count_nonzero(is_move, axis=1), dtype=np.int32)).astype(np.int32)
+        return csr_array((costs[is_move], ends, begins), shape=(n_cells, n_cells))
 
     def cell(self, point_m: ArrayLike) -> int:
         """Return the free cell nearest to a point (2,)."""
@@ -187,6 +192,34 @@ class SiteMap:
         """Find the shortest paths from a point (2,) to all cells."""
         length_m, before = dijkstra(self._graph, indices=self.nearest_free(point_m), return_predecessors=True)
         return ShortestPaths(length_m, np.where(before >= 0, before, np.arange(before.size)), self)
+
+    def reach_near(self, cell: int, within_m: float) -> tuple[IntArray, FloatArray, IntArray]:
+        """Find the shortest paths from a free cell to the cells around it, on the part of the map that they can use.
+
+        Args:
+            cell: Where the paths start.
+            within_m: Largest cost-weighted length of the paths.
+
+        Returns:
+            Cells that are reached, ascending; cost-weighted path length to each, as in `ShortestPaths`; index of the
+            cell before each on its path, its own index at the start; each of shape (n,).
+        """
+        n_y, far = round(self.yard.size_m[1] / CELL_M), int(within_m / CELL_M) + 1
+        n_x = self.is_free.size // n_y
+        x, y = divmod(cell, n_y)
+        xs, ys = (np.arange(max(at - far, 0), min(at + far + 1, n)) for at, n in ((x, n_x), (y, n_y)))
+        cells = (xs[:, np.newaxis] * n_y + ys).ravel()
+        moves = self._graph[cells]
+        to_x, to_y = np.divmod(moves.indices, n_y)
+        is_inside = (to_x >= xs[0]) & (to_x <= xs[-1]) & (to_y >= ys[0]) & (to_y <= ys[-1])
+        ends = ((to_x - xs[0]) * ys.size + to_y - ys[0])[is_inside]
+        begins = np.append(0, np.cumsum(is_inside, dtype=np.int32))[moves.indptr]
+        graph = csr_array((moves.data[is_inside], ends, begins), shape=(cells.size, cells.size))
+        start = int((x - xs[0]) * ys.size + y - ys[0])
+        length_m, before = dijkstra(graph, indices=start, return_predecessors=True, limit=within_m)
+        reached = np.flatnonzero(np.isfinite(length_m))
+        before[start] = start
+        return cells[reached], length_m[reached], np.searchsorted(reached, before[reached])
 
     def shortest_tour(self, places_m: Sequence[FloatArray], within_m: float) -> float:
         """Return the length of the shortest path from the dock to within a distance of each place, in the best order.

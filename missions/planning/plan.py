@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dirmusic.arrays import FloatArray
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.scenario import PLANNED
@@ -58,26 +58,53 @@ class Plan:
     driving_s: float
 
     @property
+    def gap(self) -> float:
+        """Relative optimality gap: largest fraction by which the tour is longer than the shortest past its stops."""
+        return self.tour.length_m / self.tour.bound_m - 1.0 if self.tour.length_m > 0.0 else 0.0
+
+    @property
     def blind(self) -> tuple[str, ...]:
         """Names of the sites that are not detectable from any reachable place."""
         return tuple(compress(self.detectability.names, self.detectability.is_blind))
 
     def detections(self) -> list[SiteDetection | None]:
         """Return how the tour detects each site; None for sites that are not detectable from any reachable place."""
-        where, path = self.detectability, self.detectability.columns(self.tour.cells)
-        is_detected = where.is_detectable[:, path]
-        level_db = np.where(is_detected, where.level_db[:, path], -np.inf).max(axis=1)
-        nearest_m = np.where(is_detected, where.range_m[:, path], np.inf).min(axis=1)
-        rows = np.column_stack([level_db, coverage(where, self.tour.cells)[:, 0], nearest_m]).tolist()
-        return [None if blind else SiteDetection(*row) for row, blind in zip(rows, where.is_blind, strict=True)]
+        where, path = self.detectability, np.zeros(self.detectability.cells.size, dtype=np.bool_)
+        path[where.columns(self.tour.cells)] = True
+        found: list[SiteDetection | None] = []
+        for k, aperture_rad in enumerate(coverage(where, self.tour.cells)[:, 0].tolist()):
+            pairs = where.pairs(k)
+            is_seen = path[where.column[pairs]]
+            level_db, range_m = where.level_db[pairs][is_seen], where.range_m[pairs][is_seen]
+            found.append(
+                SiteDetection(float(level_db.max()), aperture_rad, float(range_m.min())) if len(range_m) else None
+            )
+        return found
 
-    def confirmations(self, dwell_s: float) -> FloatArray:
-        """Return the probability that the stated discharge would be confirmed at each site, shape (n_sites,).
+    @cached_property
+    def dwell_s(self) -> float:
+        """Shortest of `DWELLS_S` with which all sites are confirmed for certain that are with the longest."""
+        n_sites, shortest_s = len(self.detectability.names), DWELLS_S[0]
+        left = np.flatnonzero(self._confirmations(shortest_s, np.arange(n_sites)) < CERTAIN)
+        left = left[self._confirmations(DWELLS_S[-1], left) >= CERTAIN]
+        for dwell_s in DWELLS_S[1:]:
+            if left.size > 0:
+                shortest_s, left = dwell_s, left[self._confirmations(dwell_s, left) < CERTAIN]
+        return shortest_s
+
+    @cached_property
+    def confirmed(self) -> FloatArray:
+        """Probability that the stated discharge would be confirmed at each site, shape (n_sites,)."""
+        return self._confirmations(self.dwell_s, np.arange(len(self.detectability.names)))
+
+    def _confirmations(self, dwell_s: float, sites: IntArray) -> FloatArray:
+        """Return the probability that the stated discharge would be confirmed at sites, shape (n_sites,).
 
         Args:
             dwell_s: Time for which the robot stands at each stop.
+            sites: Indices of the sites.
         """
-        stated, sites_m = self.scenario.inspection, self.detectability.positions_m
+        stated, sites_m = self.scenario.inspection, self.detectability.positions_m[sites]
         if len(self.path_m) < 2:
             return np.zeros(len(sites_m))
         stops = np.flatnonzero(np.isin(self.tour.cells, self.tour.stops))
@@ -86,12 +113,6 @@ class Plan:
         model = ConfirmationModel(self.scenario, self.site_map.sight)
         views = (model.views(passes, site_m) for site_m in sites_m)
         return np.array([model.chances(each, stated.level_dbv, stated.rate_hz).confirmed for each in views])
-
-    @cached_property
-    def dwell_s(self) -> float:
-        """Shortest of `DWELLS_S` with which as many sites are confirmed for certain as with the longest."""
-        n_certain = [int((self.confirmations(dwell_s) >= CERTAIN).sum()) for dwell_s in DWELLS_S]
-        return DWELLS_S[n_certain.index(max(n_certain))]
 
 
 class SiteDetection(NamedTuple):
@@ -118,23 +139,25 @@ def make_plan(
         amplitude_v: Peak of the weakest discharge to detect, in a unit-gain channel 1 m away, > 0.
         progress: Function that is called with the name of the next step and the fraction done.
     """
-    progress("detectability", 0.0)
+    progress("map", 0.0)
     site_map = SiteMap(scenario)
-    detectability = compute_detectability(scenario, site_map, amplitude_v)
-    progress("cover", 0.1)
+    detectability = compute_detectability(
+        scenario, site_map, amplitude_v, lambda share: progress("detectability", 0.1 + 0.2 * share)
+    )
+    progress("cover", 0.3)
     clearance_m = site_map.clearance_m[detectability.cells]
     widest_rad = coverage(detectability, detectability.cells)[:, 0]
     required_rad = np.minimum(widest_rad, scenario.locating.rules().planned_aperture_rad)
     columns = cover(detectability, candidates(detectability, clearance_m, required_rad), required_rad)
     tours = ShortestTours(site_map)
-    longer = tours.shortest(detectability.cells[columns].tolist())
+    longer = tours.short(detectability.cells[columns].tolist())  # most of these stops are needless
     offered = coverage(detectability, longer.cells)
     required = np.column_stack([required_rad, np.minimum(offered[:, 1:], [CROSSING_RAD, MIN_CELLS])])
     every_fourth = np.floor(detectability.places_m / CELL_M).astype(np.intp) % 4 == 2  # 1 m apart (assumed)
     is_stop = every_fourth.all(axis=1) & (clearance_m >= COMFORT_M)
 
     def report(n_left: int) -> None:
-        progress(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(columns.size, 1))
+        progress(f"tour of {n_left} stops", 0.9 - 0.4 * n_left / max(columns.size, 1))
 
     tour = TourShortener(detectability, tours, required, is_stop, report).shorten(longer)
     n_halts = tour.stops.size + 1 if tour.length_m > 0.0 else 0
