@@ -59,7 +59,6 @@ class LocalPaths:
         """Return the shortest paths from a free cell at least up to a cost-weighted length."""
         known = self._reach.get(cell)
         if known is None or known.within_m < within_m:
-            within_m = max(within_m, 2.0 * known.within_m if known else 0.0)  # asks for more come often
             known = self._reach[cell] = Reach(within_m, *self._map.reach_near(cell, within_m))
         return known
 

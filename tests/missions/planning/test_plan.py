@@ -9,6 +9,7 @@ from dirmusic.angles import aperture
 from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario import ScenarioError
 from pdpatrol.envs.scenario.map import MapConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.cover import coverage
@@ -19,6 +20,7 @@ from pdpatrol.missions.planning.tour import ShortestTours
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, level_transform
 from pdpatrol.sensing.receiver.receiver import Receiver
+from tests.missions.planning.big_yard import big_yard
 from tests.missions.planning.one_plan import YARDS, plan_of, scenario_of, walled_in
 
 NEEDED_RAD, WITHIN_M = np.radians(60.0), 8.0
@@ -132,3 +134,21 @@ def test_map_without_sites_is_patrolled_everywhere() -> None:
     assert not plan.blind
     away_m = np.linalg.norm(plan.site_map.centres_m[:, np.newaxis] - plan.path_m, axis=-1).min(axis=1)
     assert away_m.max() < 1.5 * WITHIN_M
+
+
+@pytest.mark.slow
+def test_large_yard_is_covered_within_the_gap() -> None:
+    """Exact transmission confirms every covered site, and the stated bound is honest."""
+    plan = make_plan(big_yard(120.0, 60))
+    check(plan)
+    assert len(plan.blind) <= 0.1 * len(plan.detectability.names)
+    assert plan.gap <= 0.03
+    assert plan.tour.bound_m <= ShortestTours(plan.site_map).short(plan.tour.stops.tolist()).length_m
+
+
+def test_yard_of_the_largest_size_can_be_described() -> None:
+    yard = big_yard(400.0, 1000).yard
+    assert len(yard.equipment) == 1000
+    assert len(yard.site_names()) >= 1500
+    with pytest.raises(ScenarioError, match="400"):
+        big_yard(401.0, 10)
