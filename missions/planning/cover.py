@@ -58,14 +58,16 @@ def coverage_of(detectability: Detectability, is_seen: BoolArray, targets: IntAr
 
 def _apertures(row: IntArray, angle_rad: FloatArray, n_rows: int) -> FloatArray:
     """Return the aperture of the angles of each row, shape (n_rows,), 0 for less than two; see `angles.aperture`."""
+    apertures = np.zeros(n_rows)
+    if row.size == 0:
+        return apertures
     angle = wrap(angle_rad)
     order = np.lexsort((angle, row))
     row, angle = row[order], angle[order]
-    begin = np.flatnonzero(np.append(True, np.diff(row) > 0)[: row.size])
+    begin = np.flatnonzero(np.append(True, np.diff(row) > 0))
     end = np.append(begin[1:], row.size) - 1
-    gap = np.append(np.diff(angle), 0.0)[: row.size]
+    gap = np.append(np.diff(angle), 0.0)
     gap[end] = angle[begin] + 2 * np.pi - angle[end]
-    apertures = np.zeros(n_rows)
     apertures[row[begin]] = 2 * np.pi - np.maximum.reduceat(gap, begin)
     return apertures
 
