@@ -52,7 +52,7 @@ def coverage_of(detectability: Detectability, is_seen: BoolArray, targets: IntAr
     seen = is_seen[detectability.column[pair]]
     row, aspect_rad = row[seen], detectability.aspect_rad[pair[seen]]
     crossing_rad = np.minimum(0.5 * _apertures(row, 2.0 * aspect_rad, first.size), 0.5 * np.pi)
-    n_cells = np.bincount(row, minlength=first.size)
+    n_cells = np.bincount(row, minlength=first.size).astype(np.float64)
     return np.column_stack([_apertures(row, aspect_rad, first.size), crossing_rad, n_cells])
 
 
@@ -91,7 +91,7 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
     useful = useful[np.lexsort((-clearance_m[useful], square[useful]))]
     chosen = np.zeros(square.size, dtype=np.bool_)
     chosen[useful[np.unique(square[useful], return_index=True)[1]]] = True
-    for k in np.flatnonzero(~detectability.is_blind):
+    for k in np.flatnonzero(~detectability.is_blind).tolist():
         pairs, required = detectability.pairs(k), required_rad[k] - TINY_RAD
         own, aspect_rad = detectability.column[pairs], detectability.aspect_rad[pairs]
         if aperture(aspect_rad[chosen[own]]) < required:
@@ -136,7 +136,7 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
     is_candidate = np.zeros(detectability.cells.size, dtype=np.bool_)
     is_candidate[columns] = True
     conditions = [np.empty(0, dtype=np.intp)]
-    for k in np.flatnonzero(~detectability.is_blind):
+    for k in np.flatnonzero(~detectability.is_blind).tolist():
         pairs = detectability.pairs(k)
         own, aspect_rad = detectability.column[pairs], detectability.aspect_rad[pairs]
         own, aspect_rad = own[is_candidate[own]], aspect_rad[is_candidate[own]]
@@ -150,6 +150,8 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
     if matrix.shape[0] == 0:
         return np.empty(0, dtype=np.intp)
     relaxed = linprog(np.ones(columns.size), A_ub=-matrix, b_ub=-np.ones(matrix.shape[0]), bounds=(0.0, 1.0))
+    if relaxed.x is None:
+        raise RuntimeError(f"no cover of the yard was found: {relaxed.message}")
     used = np.flatnonzero(relaxed.x > 1e-7)  # tolerance of the solver
     solution = milp(
         np.ones(used.size),

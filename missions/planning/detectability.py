@@ -109,16 +109,16 @@ def compute_detectability(
     column_of[cells] = np.arange(cells.size)
     places_m, ground = site_map.centres_m[cells], column_of.reshape(shape)
     direct = DirectPaths(scenario.array, scenario.receiver, site_map.sight)
-    found = [(np.empty(0, dtype=np.intp), *[np.empty(0)] * 3)]
+    found = [(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0), np.empty(0))]
     for k, target_m in enumerate(positions_m):
         progress(k / len(positions_m))
         column, range_m, level_db = _detecting(target_m, ground, places_m, direct, rules.confirm_range_m, amplitude_v)
         aspect_rad = azimuth_of(places_m[column] - target_m[:2])
         required_rad = min(aperture(aspect_rad), rules.planned_aperture_rad)
         robust = _is_robust(column, ground, places_m)
-        if robust.any() and aperture(aspect_rad[robust]) >= required_rad:
-            column, range_m, level_db, aspect_rad = (each[robust] for each in (column, range_m, level_db, aspect_rad))
         order = np.argsort(aspect_rad, kind="stable")
+        if robust.any() and aperture(aspect_rad[robust]) >= required_rad:
+            order = order[robust[order]]
         found.append((column[order], level_db[order], range_m[order], aspect_rad[order]))
     first = np.cumsum([len(column) for column, *_ in found])
     return Detectability(names, positions_m, cells, places_m, first, *map(np.concatenate, zip(*found, strict=True)))

@@ -25,7 +25,7 @@ class Reach(NamedTuple):
     cost_m: FloatArray
     before: IntArray
 
-    def index(self, cell: int) -> int | None:
+    def position(self, cell: int) -> int | None:
         """Return the index of a cell, or None if it is not reached."""
         at = int(np.searchsorted(self.cells, cell))
         return at if at < self.cells.size and self.cells[at] == cell else None
@@ -68,7 +68,7 @@ class LocalPaths:
             1.5 * self.direct_m(first, last),
             2.0 * self._map.yard.size_m[0] * self._map.yard.size_m[1],
         )
-        while (reach := self.reach(first, within_m)).index(last) is None:
+        while (reach := self.reach(first, within_m)).position(last) is None:
             if within_m > longest_m:
                 raise ValueError(f"cells {first} and {last} are not connected")
             within_m *= 2.0

@@ -123,9 +123,10 @@ class TourShortener:
             self._move_stops(stops)
             changed = self._tours.in_order(stops[1:-1], tour.bound_m)
             shortest = self._tours.shortest(stops[1:-1])
-            best = shortest if self._covers_all(shortest) else changed._replace(bound_m=shortest.bound_m)
-            if best.length_m >= tour.length_m - MIN_GAIN_M and best.stops.size == tour.stops.size:
-                return best if best.length_m <= tour.length_m else tour
+            is_better = shortest.length_m < changed.length_m and self._covers_all(shortest)
+            best = shortest if is_better else changed._replace(bound_m=shortest.bound_m)
+            if best.length_m >= tour.length_m - MIN_GAIN_M and set(best.stops.tolist()) == set(tour.stops.tolist()):
+                return tour._replace(bound_m=best.bound_m)
             tour = best
 
     def _covers_all(self, tour: Tour) -> bool:
