@@ -38,10 +38,8 @@ def as_json(gap: Gap) -> dict[str, Any]:
         "interval": "3 standard deviations on each side",
         "rows": [asdict(row) for row in gap.rows],
         "sources": [
-            {"finding": finding.id, "position_m": position_m.tolist(), "amplitude_v": float(np.exp(level))}
-            for finding, position_m, level in zip(
-                gap.findings, gap.fit.world.positions_m, gap.fit.log_level, strict=True
-            )
+            {"name": source.name, "position_m": position_m.tolist(), "amplitude_v": float(np.exp(level))}
+            for source, position_m, level in zip(gap.sources, gap.fit.world.positions_m, gap.fit.log_level, strict=True)
         ],
     }
 
