@@ -12,6 +12,7 @@ __all__ = ["main"]
 
 VERBS = {
     "run": "run one mission and write its log, report and recording",
+    "generate": "draw a substation and write it as a scenario file",
     "plan": "plan a patrol that covers every site of a yard",
     "replay": "open recordings in the Rerun viewer, or make a film",
     "report": "write the report of a mission again from its log",

@@ -64,7 +64,7 @@ def busbar(length_m: float, kv: Kv) -> Assembly:
     parts: dict[str, Solid] = {}
     sites: dict[str, Site] = {}
     radius_m = POST.radius_m[list(VOLTAGES).index(kv)]
-    n_rows = max(2, int(np.ceil((length_m - 1.0) / level.bay_width_m[1] - 1e-6)) + 1)
+    n_rows = max(2, int(np.ceil((length_m - 1.0) / level.bay_width_m - 1e-6)) + 1)
     for row, x in enumerate(np.linspace(0.5 - 0.5 * length_m, 0.5 * length_m - 0.5, n_rows).tolist(), start=1):
         for phase, share in enumerate(PHASES, start=1):
             y, name = share * level.spacing_m, f"{row}_{phase}"
@@ -87,7 +87,7 @@ def gantry(length_m: float, kv: Kv) -> Assembly:
     """
     level, size = VOLTAGES[kv], SIZES[kv]
     half_m, depth_m = 0.5 * (length_m - size.leg_m), 0.8 * size.leg_m
-    n_spans = max(1, int(np.ceil(2.0 * half_m / level.bay_width_m[1] - 1e-6)))
+    n_spans = max(1, int(np.ceil(2.0 * half_m / level.bay_width_m - 1e-6)))
     legs_m = np.linspace(-half_m, half_m, n_spans + 1).tolist()
     bottom_m = size.gantry_m - depth_m
     parts = {

@@ -19,7 +19,7 @@ class VoltageLevel(NamedTuple):
         to_phase_m: Minimum clearance between live parts of different phases.
         post_m: Height of a post insulator.
         spacing_m: Distance between the centres of the phases of a bay.
-        bay_width_m: Narrowest and widest bay.
+        bay_width_m: Width of a bay.
         fire_m: Clearance between transformers without a fire wall, and to buildings (IEC 61936-1, table 3, for oil
             volumes from 20 000 to 45 000 litres, and from 45 000 litres).
     """
@@ -30,7 +30,7 @@ class VoltageLevel(NamedTuple):
     to_phase_m: float
     post_m: float
     spacing_m: float
-    bay_width_m: tuple[float, float]
+    bay_width_m: float
     fire_m: float
 
     @property
@@ -48,9 +48,9 @@ INSULATION_HEIGHT_M = 2.25
 """Minimum height of the lowest part of an insulator above the ground (IEC 61936-1)."""
 
 VOLTAGES: dict[Kv, VoltageLevel] = {
-    110: VoltageLevel(123, 550, 1.1, 1.1, 1.22, 2.2, (8.4, 9.6), 10.0),
-    220: VoltageLevel(245, 1050, 2.1, 2.1, 2.3, 4.0, (15.0, 17.0), 15.0),
-    400: VoltageLevel(420, 1425, 3.4, 4.2, 3.15, 6.0, (21.0, 24.0), 15.0),
+    110: VoltageLevel(123, 550, 1.1, 1.1, 1.22, 2.2, 9.0, 10.0),
+    220: VoltageLevel(245, 1050, 2.1, 2.1, 2.3, 4.0, 16.0, 15.0),
+    400: VoltageLevel(420, 1425, 3.4, 4.2, 3.15, 6.0, 22.0, 15.0),
 }
 """All levels. At 400 kV the clearances are those of the switching impulse 1050 kV, from rod to structure and from rod
 to conductor."""
