@@ -22,7 +22,7 @@ def draw_site_picture(site: Site, path: Path) -> None:
     """Draw a site from above to a PNG file."""
     size_m, yard = np.array(site.size_m), site.yard
     inches_per_m = INCHES_PER_SPACING / VOLTAGES[site.parameters.kv].spacing_m
-    figure = Figure(figsize=tuple(inches_per_m * size_m + (1.2, 1.4)), layout="constrained")
+    figure = Figure(figsize=tuple(inches_per_m * (size_m + 2.0) + (1.2, 1.6)), layout="constrained")
     axes = figure.subplots()
     draw_ground(axes, [np.zeros(2), size_m])
     _draw_roads(axes, site)

@@ -60,7 +60,7 @@ def busbar(length_m: float, kv: Kv) -> Assembly:
     The candidate sites are at the feet of the post insulators, and at the clamps of the tubes.
     """
     level, size = VOLTAGES[kv], SIZES[kv]
-    foot_m, top_m, width_m = size.busbar_m - level.post_m, size.busbar_m + size.tube_m, 0.5 * size.leg_m + 0.15
+    foot_m, top_m, width_m = size.busbar_m - level.post_m, size.busbar_m + size.tube_m, 0.3 * size.leg_m + 0.2
     parts: dict[str, Solid] = {}
     sites: dict[str, Site] = {}
     radius_m = POST.radius_m[list(VOLTAGES).index(kv)]

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dirmusic.arrays import BoolArray, FloatArray
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.robot_models.equipment.voltages import INSULATION_HEIGHT_M, VOLTAGES, Kv
 from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
@@ -49,12 +50,8 @@ def clearance_errors(yard: Yard, kv: Kv) -> list[str]:
     if not yard.equipment:
         return []
     parts = _parts_of(yard)
-    return [
-        *_height_errors(yard, kv, parts),
-        *_fence_errors(yard, kv, parts),
-        *_distance_errors(yard, kv, parts),
-        *_fire_errors(yard, kv),
-    ]
+    errors = [*_height_errors(yard, kv, parts), *_fence_errors(yard, kv, parts), *_fire_errors(yard, kv)]
+    return [*errors, *_distance_errors(yard, kv, parts)] if parts.is_live.any() else errors
 
 
 def _parts_of(yard: Yard) -> _Parts:
@@ -83,8 +80,9 @@ def _height_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:
 def _fence_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:
     """Check the distance of live parts from the fence."""
     least_m = VOLTAGES[kv].to_fence_m
+    index = np.arange(len(parts.names))
     for k in np.flatnonzero(parts.is_live).tolist():
-        low_m, high_m = yard.solids.take(np.arange(len(parts.names)) == k).extent_m
+        low_m, high_m = yard.solids.take(index == k).extent_m
         off_m = float(np.minimum(low_m, yard.size_m - high_m).min())
         if off_m < least_m - ROUNDING_M:
             yield f"{parts.names[k]}: is {off_m:.2f} m from the fence, live parts need {least_m:.2f} m"
@@ -92,21 +90,31 @@ def _fence_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:
 
 def _distance_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:
     """Check the distances between live parts, and between live and earthed parts of different pieces."""
-    level, live = VOLTAGES[kv], np.flatnonzero(parts.is_live)
-    apart_m = solid_distances(yard.solids.take(parts.is_live), yard.solids)
-    between_live_m = apart_m[:, live]
-    _, conductor = connected_components(between_live_m <= TOUCH_M, directed=False)
-    is_other_phase = conductor[:, np.newaxis] < conductor
-    is_earthed = ~parts.is_live & ~parts.is_insulator & (yard.owner != yard.owner[live][:, np.newaxis])
-    for is_pair, others, distance_m, least_m, what in (
-        (is_other_phase, live, between_live_m, level.to_phase_m, "two phases"),
-        (is_earthed, np.arange(len(parts.names)), apart_m, level.to_earth_m, "phase and earth"),
+    level = VOLTAGES[kv]
+    live, other, distance_m = _near_pairs(yard.solids, parts.is_live, max(level.to_earth_m, level.to_phase_m))
+    touches = parts.is_live[other] & (distance_m <= TOUCH_M)
+    n_parts = len(parts.names)
+    graph = coo_array((np.ones(int(touches.sum())), (live[touches], other[touches])), shape=(n_parts, n_parts))
+    _, conductor = connected_components(graph, directed=False)
+    is_other_phase = parts.is_live[other] & (live < other) & (conductor[live] != conductor[other])
+    is_earthed = ~parts.is_live[other] & ~parts.is_insulator[other] & (yard.owner[live] != yard.owner[other])
+    for is_pair, least_m, what in (
+        (is_other_phase, level.to_phase_m, "two phases"),
+        (is_earthed, level.to_earth_m, "phase and earth"),
     ):
-        for i, j in np.argwhere(is_pair & (distance_m < least_m - ROUNDING_M)).tolist():
-            yield (
-                f"{parts.names[live[i]]}, {parts.names[others[j]]}: are {distance_m[i, j]:.2f} m apart, {what} need "
-                f"{least_m:.2f} m"
-            )
+        for k in np.flatnonzero(is_pair & (distance_m < least_m - ROUNDING_M)).tolist():
+            names = f"{parts.names[live[k]]}, {parts.names[other[k]]}"
+            yield f"{names}: are {distance_m[k]:.2f} m apart, {what} need {least_m:.2f} m"
+
+
+def _near_pairs(solids: YardSolids, is_live: BoolArray, within_m: float) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the pairs of a live and another solid within a distance, and the distances, each of shape (n_pairs,)."""
+    reach_m, live = np.hypot(*solids.half_size_m.T) + solids.radius_m, np.flatnonzero(is_live)
+    apart_m = np.linalg.norm(solids.centre_m[live][:, np.newaxis] - solids.centre_m, axis=-1)
+    rows, other = np.nonzero(apart_m <= reach_m[live][:, np.newaxis] + reach_m + within_m)
+    distance_m = pair_distances(solids.take(live[rows]), solids.take(other))
+    is_near = distance_m <= within_m
+    return live[rows][is_near], other[is_near], distance_m[is_near]
 
 
 def _fire_errors(yard: Yard, kv: Kv) -> Iterator[str]:
@@ -129,45 +137,43 @@ def _fire_errors(yard: Yard, kv: Kv) -> Iterator[str]:
                 yield f"{item.name}, {other.name}: are {apart_m:.2f} m apart, need {least_m:.2f} m or a fire wall"
 
 
-def solid_distances(some: YardSolids, all_solids: YardSolids) -> FloatArray:
-    """Return the distances between solids, shape (n_some, n_all); 0 where they touch or overlap."""
-    sideways = np.minimum(_from_corners(some, all_solids), _from_corners(all_solids, some).T)
-    sideways = np.where(_footprints_overlap(some, all_solids), 0.0, np.maximum(sideways, 0.0))
-    upward = np.maximum(
-        some.bottom_m[:, np.newaxis] - all_solids.top_m, all_solids.bottom_m - some.top_m[:, np.newaxis]
-    )
+def pair_distances(some: YardSolids, others: YardSolids) -> FloatArray:
+    """Return the distance between the solids of each pair, shape (n_pairs,); 0 where they touch or overlap."""
+    sideways = np.minimum(_from_corners(some, others), _from_corners(others, some))
+    sideways = np.where(_boxes_overlap(some, others), 0.0, np.maximum(sideways, 0.0))
+    upward = np.maximum(some.bottom_m - others.top_m, others.bottom_m - some.top_m)
     return np.hypot(sideways, np.maximum(upward, 0.0))
 
 
 def _from_corners(some: YardSolids, others: YardSolids) -> FloatArray:
-    """Return the least distance from the corners or circles of some footprints to others, shape (n_some, n_others)."""
-    signs = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)])
-    own_m = signs[:, np.newaxis] * some.half_size_m  # (4, n_some, 2)
-    cos, sin = np.cos(some.yaw_rad), np.sin(some.yaw_rad)
-    turned_m = np.stack([cos * own_m[..., 0] - sin * own_m[..., 1], sin * own_m[..., 0] + cos * own_m[..., 1]], axis=-1)
-    distance_m = others.horizontal_distance(some.centre_m + turned_m).min(axis=0)
-    return distance_m - some.radius_m[:, np.newaxis]
+    """Return the least distance from the corners of a box, or from a circle, to the other footprint, (n_pairs,)."""
+    least_m = np.full(some.yaw_rad.size, np.inf)
+    for x_sign, y_sign in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
+        corner_m = some.centre_m + _turned(some.half_size_m * (x_sign, y_sign), some.yaw_rad)
+        beyond_m = np.abs(_turned(corner_m - others.centre_m, -others.yaw_rad)) - others.half_size_m
+        least_m = np.minimum(least_m, np.hypot(*np.maximum(beyond_m, 0.0).T) + np.minimum(beyond_m.max(axis=1), 0.0))
+    return least_m - some.radius_m - others.radius_m
 
 
-def _footprints_overlap(some: YardSolids, others: YardSolids) -> BoolArray:
-    """Return whether no line separates two boxes, shape (n_some, n_others); false for circles.
+def _boxes_overlap(some: YardSolids, others: YardSolids) -> BoolArray:
+    """Return whether no line separates two boxes, shape (n_pairs,); false for circles.
 
     Lines along the sides of both boxes suffice. For circles, `_from_corners` finds overlap.
     """
-    apart_m = some.centre_m[:, np.newaxis] - others.centre_m
-    is_box = (some.radius_m == 0.0)[:, np.newaxis] & (others.radius_m == 0.0)
-    most_m = np.full(apart_m.shape[:2], -np.inf)
-    for yaw_rad in (some.yaw_rad[:, np.newaxis] + 0.0 * others.yaw_rad, others.yaw_rad + 0.0 * some.yaw_rad[:, None]):
-        for quarter in (0.0, 0.5 * np.pi):
-            axis = np.stack([np.cos(yaw_rad + quarter), np.sin(yaw_rad + quarter)], axis=-1)
-            reach_m = _reach(some.yaw_rad[:, np.newaxis], some.half_size_m[:, np.newaxis], axis)
-            reach_m += _reach(others.yaw_rad, others.half_size_m, axis)
-            most_m = np.maximum(most_m, np.abs((apart_m * axis).sum(axis=-1)) - reach_m)
-    return is_box & (most_m <= 0.0)
+    apart_m, most_m = some.centre_m - others.centre_m, np.full(some.yaw_rad.size, -np.inf)
+    for yaw_rad in (some.yaw_rad, others.yaw_rad):
+        reach_m = [
+            np.abs(_turned(boxes.half_size_m * (1.0, sign), boxes.yaw_rad - yaw_rad))
+            for boxes in (some, others)
+            for sign in (1.0, -1.0)
+        ]
+        both_m = np.maximum(reach_m[0], reach_m[1]) + np.maximum(reach_m[2], reach_m[3])
+        most_m = np.maximum(most_m, (np.abs(_turned(apart_m, -yaw_rad)) - both_m).max(axis=1))
+    return (some.radius_m == 0.0) & (others.radius_m == 0.0) & (most_m <= 0.0)
 
 
-def _reach(yaw_rad: FloatArray, half_size_m: FloatArray, axis: FloatArray) -> FloatArray:
-    """Return half the length of boxes along unit vectors (..., 2)."""
-    along = np.abs(np.cos(yaw_rad) * axis[..., 0] + np.sin(yaw_rad) * axis[..., 1])
-    across = np.abs(np.cos(yaw_rad) * axis[..., 1] - np.sin(yaw_rad) * axis[..., 0])
-    return half_size_m[..., 0] * along + half_size_m[..., 1] * across
+def _turned(vectors_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+    """Turn vectors (n, 2) counter-clockwise by angles (n,)."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    x, y = vectors_m.T
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
