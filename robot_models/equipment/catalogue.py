@@ -52,7 +52,7 @@ def _apparatus(kind: str, build: Callable[[float], Assembly] | None = None, leng
     return CatalogueShape(shape.title, shape.source, build, lambda _length_m, kv: build_apparatus(kind, kv), length_m)
 
 
-ASSUMED = "typical of this voltage (assumed)"
+ASSUMED = "typical (assumed)"
 
 CATALOGUE: dict[str, CatalogueShape] = {
     "building": CatalogueShape("building of one storey", ASSUMED, structures.building, length_m=12.0, stretches=True),
@@ -106,7 +106,7 @@ CATALOGUE: dict[str, CatalogueShape] = {
     "post_insulator": _apparatus("post_insulator"),
     "power_transformer": CatalogueShape(
         "oil transformer with bushings",
-        "tanks of 40, 200 and 350 MVA, " + ASSUMED,
+        ASSUMED + ", for 40, 200 and 350 MVA",
         kinds.power_transformer,
         structures.power_transformer,
         5.0,
@@ -114,7 +114,7 @@ CATALOGUE: dict[str, CatalogueShape] = {
     ),
     "shunt_reactor": CatalogueShape(
         "oil reactor with bushings",
-        "tanks of 30, 50 and 100 Mvar, " + ASSUMED,
+        ASSUMED + ", for 30, 50 and 100 Mvar",
         build_for=structures.shunt_reactor,
         lengths_m=tuple(size.reactor_m[0] for size in structures.SIZES.values()),
     ),
