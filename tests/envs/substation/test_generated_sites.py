@@ -19,7 +19,7 @@ from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 EXTREMES = [
     SiteParameters(kv, scheme, bays[scheme], seed)
     for scheme in SCHEMES
-    for kv, seed in ((110, 0), (220, 1), (400, 2))
+    for seed, kv in enumerate(VOLTAGES)
     for bays in (LEAST_BAYS, MOST_BAYS)
 ]
 
