@@ -8,11 +8,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-MOST_YARD_M = 200.0
+MOST_YARD_M = 400.0
 """Maximum side length of a yard."""
 
-MOST_PIECES = 200
-"""Maximum number of pieces of equipment in a yard; a large 110 kV yard has half as many."""
+MOST_PIECES = 1000
+"""Maximum number of pieces of equipment in a yard; a large 400 kV station has half as many."""
 
 MOST_SITES = 100
 """Maximum number of sites on one piece of equipment."""

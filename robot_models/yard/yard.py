@@ -29,7 +29,7 @@ ROBOT_HEIGHT_M = 0.75
 class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Fenced rectangular yard with equipment."""
 
-    size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 200 m")
+    size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 400 m")
     equipment: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
 
     @model_validator(mode="after")
