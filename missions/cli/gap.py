@@ -30,9 +30,9 @@ def gap(
 ) -> None:
     """State where a recording and the simulation of the same drive differ, with intervals.
 
-    The sources of the recording are sought at the sites of the yard and at the findings, and the same drive is simulated
-    with them, with the array, receiver, ground and pose errors that the scenario states. Writes gap.json, gap.png, and fitted.toml: the
-    scenario with the fitted values, for `pdpatrol run`.
+    The sources of the recording are sought at the sites of the yard and at the findings. The same drive is simulated
+    with them, with the array, receiver, ground and pose errors that the scenario states. Writes gap.json, gap.png, and
+    fitted.toml: the scenario with the fitted values, for `pdpatrol run`.
 
     Args:
         recording: Survey as for `pdpatrol locate`.
