@@ -8,11 +8,11 @@ from pydantic import Field
 
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.substation.schemes import Scheme
-from pdpatrol.envs.substation.site import SiteParameters, draw_site
-from pdpatrol.envs.substation.site_file import site_text
+from pdpatrol.envs.substation.substation import SubstationParameters, draw_substation
+from pdpatrol.envs.substation.substation_file import substation_text
 from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.terminal import out, refuse
-from pdpatrol.missions.report.site_picture import draw_site_picture
+from pdpatrol.missions.report.substation_picture import draw_substation_picture
 from pdpatrol.robot_models.equipment.voltages import Kv
 
 
@@ -33,22 +33,22 @@ def generate(
         scheme: Arrangement of the busbars.
         bays: Number of bays: lines, cables, transformers, reactors and couplers.
         seed: Seed of the purposes of the bays, the kinds of disconnectors, the free distances and the discharges.
-        sources: Number of discharges, each at a site of its own.
+        sources: Number of discharges, each at another site.
         out_file: File to write; must not exist.
-        picture: Draw the site to a PNG file of the same name.
+        picture: Draw the plan to a PNG file of the same name.
     """
     png = out_file.with_suffix(".png")
-    errors = [f"--{line}" for line in SiteParameters(kv, scheme, bays, seed).errors()]
+    errors = [f"--{line}" for line in SubstationParameters(kv, scheme, bays, seed).errors()]
     errors += [] if out_file.suffix == ".toml" else [f"--out: must end in .toml, got {out_file}"]
     errors += [f"--out: {file} must not exist" for file in (out_file, *((png,) if picture else ())) if file.exists()]
     if errors:
         refuse(*errors)
-    site = draw_site(SiteParameters(kv, scheme, bays, seed))
-    write_text(out_file, site_text(site, sources))
+    substation = draw_substation(SubstationParameters(kv, scheme, bays, seed))
+    write_text(out_file, substation_text(substation, sources))
     scenario = load_scenario(out_file)
     if picture:
         with atomic_file(png) as temporary:
-            draw_site_picture(site, temporary)
+            draw_substation_picture(substation, temporary)
     counts = f"{len(scenario.yard.equipment)} pieces, {len(scenario.yard.site_names())} sites"
-    x_m, y_m = site.size_m
-    out.print(f"{out_file}: {x_m:g} x {y_m:g} m, {counts}, route of {site.route_length_m:.0f} m", soft_wrap=True)
+    x_m, y_m = substation.size_m
+    out.print(f"{out_file}: {x_m:g} x {y_m:g} m, {counts}, route of {substation.route_length_m:.0f} m", soft_wrap=True)

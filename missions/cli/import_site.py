@@ -17,7 +17,7 @@ def import_site(
     *,
     out_file: Annotated[Path | None, tyro.conf.arg(name="out", metavar="SITE.toml")] = None,
 ) -> None:
-    """Make a scenario from a map of a substation, and list what was not understood.
+    """Make a scenario from a map of a substation, and list the features that were left out.
 
     The map is GeoJSON with tags of OpenStreetMap, or as written by `pdpatrol export SCENARIO.toml`. The outline of the
     substation becomes the fence; the position on Earth is kept.

@@ -28,7 +28,7 @@ class OrientedBox(NamedTuple):
 
     Attributes:
         centre_m: Middle, shape (2,).
-        size_m: Length along x and y of its own frame, the longer one first, shape (2,).
+        size_m: Length along x and y of the box, the longer one first, shape (2,).
         yaw_rad: Direction of its x axis, counter-clockwise from x, in [0, pi).
     """
 

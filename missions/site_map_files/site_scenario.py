@@ -22,7 +22,7 @@ def import_site(path: Path) -> tuple[str, Yard, list[str]]:
     """Make a scenario from a GeoJSON file.
 
     Returns:
-        Text of the scenario file, its yard, and notes on what was not understood.
+        Text of the scenario file, its yard, and notes on the features that were left out.
 
     Raises:
         InputFileError: If the file has errors, or no equipment is known in it.

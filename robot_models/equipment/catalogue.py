@@ -26,7 +26,7 @@ class CatalogueShape(NamedTuple):
     """Shape of a kind of equipment, for kinds that a yard can place without giving a shape.
 
     Attributes:
-        title: What it is, in a few words.
+        title: Description in a few words.
         source: Where its dimensions come from.
         build: Function that builds the shape of a compact 110 kV yard from its length along x, metres; None if the kind
             has a size for each voltage level only.

@@ -24,7 +24,7 @@ class Layer(NamedTuple):
 
     Attributes:
         part: Name.
-        role: What it is.
+        role: Role in the apparatus.
         height_m: Height.
         width_m: Side length of a square box; 0 for a cylinder.
         radius_m: Radius of a cylinder; 0 for a box.
@@ -57,7 +57,7 @@ class Apparatus(NamedTuple):
     """Shape of an apparatus.
 
     Attributes:
-        title: What it is, in a few words.
+        title: Description in a few words.
         source: Where the dimensions come from.
         layers: Solids of a pole, or of each of its posts, from the ground up.
         sites: Discharge sites by name.

@@ -9,7 +9,7 @@ Kv = Literal[110, 220, 400]
 class VoltageLevel(NamedTuple):
     """Insulation and spacings of a voltage level.
 
-    Clearances are those of IEC 61936-1, tables 1 and 2, for the impulse voltage. Heights of post insulators are those
+    Clearances follow IEC 61936-1, tables 1 and 2, for the impulse voltage. Heights of post insulators are those
     of IEC 60273 for the same voltage. Spacings are assumed, and typical of outdoor stations with tubular busbars.
 
     Attributes:
@@ -52,5 +52,5 @@ VOLTAGES: dict[Kv, VoltageLevel] = {
     220: VoltageLevel(245, 1050, 2.1, 2.1, 2.3, 4.0, 16.0, 15.0),
     400: VoltageLevel(420, 1425, 3.4, 4.2, 3.15, 6.0, 22.0, 15.0),
 }
-"""All levels. At 400 kV the clearances are those of the switching impulse 1050 kV, from rod to structure and from rod
+"""All levels. At 400 kV the clearances follow from the switching impulse 1050 kV, from rod to structure and from rod
 to conductor."""

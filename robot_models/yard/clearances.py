@@ -1,7 +1,7 @@
 """Check of the clearances in air of a yard against IEC 61936-1.
 
 Kinds with a size for each voltage level state which of their parts are live and which insulate; everything else counts
-as earthed. Clearances within one piece are those of its type test, except between its phases. Conductors between pieces
+as earthed. Clearances within one piece follow from its type test, except between its phases. Conductors between pieces
 are not modelled, and not checked.
 """
 
@@ -45,7 +45,7 @@ def clearance_errors(yard: Yard, kv: Kv) -> list[str]:
         kv: That voltage level.
 
     Returns:
-        One line per pair or part: what is too near, how near it is, and what is required.
+        One line per pair or part: names, distance and required distance.
     """
     if not yard.equipment:
         return []

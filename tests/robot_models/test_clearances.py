@@ -1,4 +1,4 @@
-"""Distances between solids, and what the check of clearances reports."""
+"""Distances between solids, and reports of the check of clearances."""
 
 import numpy as np
 import pytest

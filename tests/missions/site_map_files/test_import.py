@@ -1,4 +1,4 @@
-"""Maps of substations: what is read from them, what is refused or listed, and that written maps are read back."""
+"""Maps of substations: reading, refused and listed features, and reading of written maps."""
 
 import json
 import re
@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
-from pdpatrol.envs.substation.site import SiteParameters, draw_site
-from pdpatrol.envs.substation.site_file import site_text
+from pdpatrol.envs.substation.substation import SubstationParameters, draw_substation
+from pdpatrol.envs.substation.substation_file import substation_text
 from pdpatrol.missions.site_map_files.geodesy import longitude_latitude, places_in_yard
 from pdpatrol.missions.site_map_files.site_scenario import import_site
 from pdpatrol.missions.site_map_files.write_site_map import site_map
@@ -176,7 +176,9 @@ def test_written_map_is_read_back(heading_deg: float, tmp_path: Path) -> None:
     """Every piece keeps its keys, and its place within 1 cm, whatever the heading."""
     site = tmp_path / "drawn.toml"
     where = f"[georeference]\nlatitude_deg = 51.5\nlongitude_deg = 7.4\nheading_deg = {heading_deg}\n"
-    site.write_text(site_text(draw_site(SiteParameters(220, "ring", 4, 1)), 1) + "\n" + where, encoding="utf-8")
+    site.write_text(
+        substation_text(draw_substation(SubstationParameters(220, "ring", 4, 1)), 1) + "\n" + where, encoding="utf-8"
+    )
     drawn = load_scenario(site)
     assert drawn.georeference is not None
     path = tmp_path / "site.geojson"
@@ -207,7 +209,9 @@ def test_geodesy_is_inverted_within_a_millimetre(
 
 def test_export_of_a_scenario_needs_a_georeference(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "site.toml"
-    path.write_text(site_text(draw_site(SiteParameters(110, "single_busbar", 2, 0)), 1), encoding="utf-8")
+    path.write_text(
+        substation_text(draw_substation(SubstationParameters(110, "single_busbar", 2, 0)), 1), encoding="utf-8"
+    )
     (error,) = refused("export", "site.toml", cwd=tmp_path)
     assert error == "site.toml: must have a table [georeference] to be written as a map"
 

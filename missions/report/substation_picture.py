@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pdpatrol.envs.substation.drawing import ROAD_M
-from pdpatrol.envs.substation.site import Site
+from pdpatrol.envs.substation.substation import Substation
 from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_yard
 from pdpatrol.robot_models.equipment.voltages import VOLTAGES
 
@@ -18,19 +18,21 @@ INCHES_PER_SPACING = 0.46
 ROUTE_COLOUR = "#0b5cad"
 
 
-def draw_site_picture(site: Site, path: Path) -> None:
-    """Draw a site from above to a PNG file."""
-    size_m, yard = np.array(site.size_m), site.yard
-    inches_per_m = INCHES_PER_SPACING / VOLTAGES[site.parameters.kv].spacing_m
+def draw_substation_picture(substation: Substation, path: Path) -> None:
+    """Draw a substation from above to a PNG file."""
+    size_m, yard = np.array(substation.size_m), substation.yard
+    inches_per_m = INCHES_PER_SPACING / VOLTAGES[substation.parameters.kv].spacing_m
     figure = Figure(figsize=tuple(inches_per_m * (size_m + 2.0) + (1.2, 1.6)), layout="constrained")
     axes = figure.subplots()
     draw_ground(axes, [np.zeros(2), size_m])
-    _draw_roads(axes, site)
+    _draw_roads(axes, substation)
     draw_yard(axes, yard)
-    axes.plot(*np.array([site.dock_m, *site.waypoints_m]).T, ":", color=ROUTE_COLOUR, linewidth=1.4, label="route")
-    axes.plot(*np.array(site.waypoints_m).T, ".", color=ROUTE_COLOUR, markersize=5, label="waypoint")
-    axes.plot(*site.dock_m, "s", color=ROUTE_COLOUR, markersize=8, label="dock")
-    drawn = site.parameters
+    axes.plot(
+        *np.array([substation.dock_m, *substation.waypoints_m]).T, ":", color=ROUTE_COLOUR, linewidth=1.4, label="route"
+    )
+    axes.plot(*np.array(substation.waypoints_m).T, ".", color=ROUTE_COLOUR, markersize=5, label="waypoint")
+    axes.plot(*substation.dock_m, "s", color=ROUTE_COLOUR, markersize=8, label="dock")
+    drawn = substation.parameters
     axes.set_title(
         f"{drawn.kv} kV, {drawn.scheme.replace('_', ' ')}, {drawn.n_bays} bays, seed {drawn.seed}: "
         f"{len(yard.equipment)} pieces, {len(yard.site_names())} sites",
@@ -40,9 +42,9 @@ def draw_site_picture(site: Site, path: Path) -> None:
     figure.savefig(path, dpi=110, format="png")
 
 
-def _draw_roads(axes: Axes, site: Site) -> None:
+def _draw_roads(axes: Axes, substation: Substation) -> None:
     """Draw the roads as grey bands."""
-    for start_m, end_m in site.roads_m:
+    for start_m, end_m in substation.roads_m:
         low_m = np.minimum(start_m, end_m) - 0.5 * ROAD_M
         width_m, height_m = np.abs(np.subtract(end_m, start_m)) + ROAD_M
         axes.add_patch(Rectangle((float(low_m[0]), float(low_m[1])), width_m, height_m, color="#e4e4e2", zorder=0.5))

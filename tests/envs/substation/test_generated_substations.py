@@ -10,54 +10,54 @@ from pdpatrol.envs.scenario.base import as_tuples, tomllib
 from pdpatrol.envs.scenario.loader import restore_scenario
 from pdpatrol.envs.substation.drawing import ROAD_M
 from pdpatrol.envs.substation.schemes import LEAST_BAYS, MOST_BAYS, SCHEMES
-from pdpatrol.envs.substation.site import Site, SiteParameters, draw_site
-from pdpatrol.envs.substation.site_file import site_text
+from pdpatrol.envs.substation.substation import Substation, SubstationParameters, draw_substation
+from pdpatrol.envs.substation.substation_file import substation_text
 from pdpatrol.robot_models.equipment.voltages import VOLTAGES
 from pdpatrol.robot_models.yard.clearances import clearance_errors
 from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 
 EXTREMES = [
-    SiteParameters(kv, scheme, bays[scheme], seed)
+    SubstationParameters(kv, scheme, bays[scheme], seed)
     for scheme in SCHEMES
     for seed, kv in enumerate(VOLTAGES)
     for bays in (LEAST_BAYS, MOST_BAYS)
 ]
 
 
-def random_parameters(number: int) -> SiteParameters:
+def random_parameters(number: int) -> SubstationParameters:
     """Draw a voltage, a scheme and a number of bays."""
     rng = np.random.default_rng([43, number])
     scheme = list(SCHEMES)[int(rng.integers(len(SCHEMES)))]
     kv = list(VOLTAGES)[int(rng.integers(3))]
     n_bays = int(rng.integers(LEAST_BAYS[scheme], MOST_BAYS[scheme] + 1))
-    return SiteParameters(kv, scheme, n_bays, int(rng.integers(2**31)))
+    return SubstationParameters(kv, scheme, n_bays, int(rng.integers(2**31)))
 
 
-def scenario_of(site: Site, n_sources: int) -> Scenario:
-    return restore_scenario({"name": "site", **as_tuples(tomllib.loads(site_text(site, n_sources)))})
+def scenario_of(substation: Substation, n_sources: int) -> Scenario:
+    return restore_scenario({"name": "site", **as_tuples(tomllib.loads(substation_text(substation, n_sources)))})
 
 
-def check(parameters: SiteParameters) -> None:
-    """Check that a site loads as drawn, keeps its clearances, and leaves its roads free."""
-    site = draw_site(parameters)
-    scenario = scenario_of(site, 5)
-    assert scenario.yard == site.yard
+def check(parameters: SubstationParameters) -> None:
+    """Check that a substation loads as drawn, keeps its clearances, and leaves its roads free."""
+    substation = draw_substation(parameters)
+    scenario = scenario_of(substation, 5)
+    assert scenario.yard == substation.yard
     assert clearance_errors(scenario.yard, parameters.kv) == []
     assert len({source.sites for source in scenario.sources}) == 5
-    for start_m, end_m in site.roads_m:
+    for start_m, end_m in substation.roads_m:
         middle_m = np.linspace(start_m, end_m, 400)
         assert scenario.yard.clearance(middle_m).min() >= 0.5 * ROAD_M
-    stops_m = np.array([site.dock_m, *site.waypoints_m])
+    stops_m = np.array([substation.dock_m, *substation.waypoints_m])
     along = [
         (np.abs(stops_m - start_m) @ (np.array(end_m) == start_m) < 0.01)
         & ((stops_m >= np.subtract(start_m, 0.01)) & (stops_m <= np.add(end_m, 0.01))).all(axis=1)
-        for start_m, end_m in site.roads_m
+        for start_m, end_m in substation.roads_m
     ]
     assert np.any(along, axis=0).all()
 
 
 @pytest.mark.parametrize("parameters", EXTREMES, ids=lambda drawn: f"{drawn.kv}-{drawn.scheme}-{drawn.n_bays}")
-def test_smallest_and_largest_sites_keep_their_clearances(parameters: SiteParameters) -> None:
+def test_smallest_and_largest_sites_keep_their_clearances(parameters: SubstationParameters) -> None:
     check(parameters)
 
 
@@ -68,21 +68,23 @@ def test_random_sites_keep_their_clearances(number: int) -> None:
 
 
 def test_same_seed_draws_the_same_site() -> None:
-    first, again = (site_text(draw_site(SiteParameters(220, "double_busbar", 8, 3)), 2) for _ in range(2))
-    other = site_text(draw_site(SiteParameters(220, "double_busbar", 8, 4)), 2)
+    first, again = (
+        substation_text(draw_substation(SubstationParameters(220, "double_busbar", 8, 3)), 2) for _ in range(2)
+    )
+    other = substation_text(draw_substation(SubstationParameters(220, "double_busbar", 8, 4)), 2)
     assert first == again != other
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_every_bay_has_its_breakers(scheme: str) -> None:
     """One breaker per bay at busbars, one per corner of a ring, three per two bays with a breaker and a half."""
-    site = draw_site(SiteParameters(110, scheme, 8, 5))  # pyright: ignore[reportArgumentType]
-    breakers = [piece for piece in site.yard.equipment if piece.kind == "circuit_breaker"]
+    substation = draw_substation(SubstationParameters(110, scheme, 8, 5))  # pyright: ignore[reportArgumentType]
+    breakers = [piece for piece in substation.yard.equipment if piece.kind == "circuit_breaker"]
     assert len(breakers) == (12 if scheme == "breaker_and_a_half" else 8)
 
 
 def test_robot_passes_below_gantries_and_busbars() -> None:
-    yard = draw_site(SiteParameters(220, "double_busbar", 8, 3)).yard
+    yard = draw_substation(SubstationParameters(220, "double_busbar", 8, 3)).yard
     for item in yard.equipment:
         if item.kind in ("gantry", "busbar"):
             raised = item.solids.take(item.solids.bottom_m >= ROBOT_HEIGHT_M)
@@ -95,7 +97,7 @@ def test_robot_passes_below_gantries_and_busbars() -> None:
 @given(move=st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)), number=st.integers(0, 200))
 def test_piece_moved_too_near_is_reported(move: tuple[float, float], number: int) -> None:
     """A moved piece is named if and only if it is nearer to another one than the clearance allows."""
-    yard = draw_site(SiteParameters(110, "single_busbar", 3, 1)).yard
+    yard = draw_substation(SubstationParameters(110, "single_busbar", 3, 1)).yard
     arresters = [k for k, item in enumerate(yard.equipment) if item.kind == "surge_arrester"]
     chosen = arresters[number % len(arresters)]
     pieces = list(yard.equipment)
@@ -126,4 +128,4 @@ def _is_insulator(yard: Yard) -> np.ndarray:
 
 def test_number_of_bays_is_checked() -> None:
     with pytest.raises(ValueError, match="bays: must be from 3 to 12 for ring, got 2"):
-        draw_site(SiteParameters(110, "ring", 2, 0))
+        draw_substation(SubstationParameters(110, "ring", 2, 0))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dirmusic.pulses.phase_resolved import KindName
-from pdpatrol.envs.substation.site import Point, Site
+from pdpatrol.envs.substation.substation import Point, Substation
 from pdpatrol.robot_models.equipment.voltages import VOLTAGES
 from pdpatrol.robot_models.yard.pieces import CatalogueEquipment
 
@@ -27,22 +27,31 @@ RATES_HZ = (5.0, 40.0)
 """Range of their pulse rates (assumed)."""
 
 
-def site_text(site: Site, n_sources: int) -> str:
-    """Return the scenario file of a site, with discharges at sites that are drawn from its seed.
+def substation_text(substation: Substation, n_sources: int) -> str:
+    """Return the scenario file of a substation, with discharges at sites that are drawn from its seed.
 
     Args:
-        site: The site.
+        substation: The substation.
         n_sources: Number of discharges, at most 64.
     """
     return (
-        "\n".join([*_head(site, n_sources), *_yard(site), *_route(site), "", "[array]", *_sources(site, n_sources)])
+        "\n".join(
+            [
+                *_head(substation, n_sources),
+                *_yard(substation),
+                *_route(substation),
+                "",
+                "[array]",
+                *_sources(substation, n_sources),
+            ]
+        )
         + "\n"
     )
 
 
-def _head(site: Site, n_sources: int) -> Iterator[str]:
-    drawn, level = site.parameters, VOLTAGES[site.parameters.kv]
-    n_pieces = sum(len(bay.pieces) for bay in site.bays)
+def _head(substation: Substation, n_sources: int) -> Iterator[str]:
+    drawn, level = substation.parameters, VOLTAGES[substation.parameters.kv]
+    n_pieces = sum(len(bay.pieces) for bay in substation.bays)
     yield f"# {drawn.kv} kV substation, {drawn.scheme.replace('_', ' ')}, {drawn.n_bays} bays, {n_pieces} pieces"
     yield "#"
     options = f"--kv {drawn.kv} --scheme {drawn.scheme} --bays {drawn.n_bays} --seed {drawn.seed}"
@@ -58,11 +67,11 @@ def _head(site: Site, n_sources: int) -> Iterator[str]:
     yield ""
 
 
-def _yard(site: Site) -> Iterator[str]:
+def _yard(substation: Substation) -> Iterator[str]:
     yield "[yard]"
-    yield f"size_m = [{site.size_m[0]}, {site.size_m[1]}]"
+    yield f"size_m = [{substation.size_m[0]}, {substation.size_m[1]}]"
     yield "equipment = ["
-    for bay in site.bays:
+    for bay in substation.bays:
         yield f"  # {bay.title}"
         yield from (f"  {_inline(piece)}," for piece in bay.pieces)
     yield "]"
@@ -79,26 +88,26 @@ def _inline(piece: CatalogueEquipment) -> str:
     return "{ " + ", ".join(keys) + " }"
 
 
-def _route(site: Site) -> Iterator[str]:
-    yield f"# {site.route_length_m:.0f} m on the roads, whose middles run from and to:"
-    yield from (f"#   {_point(start_m)} - {_point(end_m)}" for start_m, end_m in site.roads_m)
+def _route(substation: Substation) -> Iterator[str]:
+    yield f"# {substation.route_length_m:.0f} m on the roads, whose middles run from and to:"
+    yield from (f"#   {_point(start_m)} - {_point(end_m)}" for start_m, end_m in substation.roads_m)
     yield "[route]"
-    yield f"dock_m = {_point(site.dock_m)}"
+    yield f"dock_m = {_point(substation.dock_m)}"
     yield "waypoints_m = ["
-    yield from (f"  {_point(stop_m)}," for stop_m in site.waypoints_m)
+    yield from (f"  {_point(stop_m)}," for stop_m in substation.waypoints_m)
     yield "]"
     yield ""
     yield "[task]"
-    yield f"time_limit_s = {60.0 * np.ceil(site.route_length_m / PATROL_MPS / 60.0)}"
+    yield f"time_limit_s = {60.0 * np.ceil(substation.route_length_m / PATROL_MPS / 60.0)}"
 
 
 def _point(place_m: Point) -> str:
     return f"[{place_m[0]}, {place_m[1]}]"
 
 
-def _sources(site: Site, n_sources: int) -> Iterator[str]:
-    rng = np.random.default_rng([site.parameters.seed, 1])
-    sites = site.yard.site_names()
+def _sources(substation: Substation, n_sources: int) -> Iterator[str]:
+    rng = np.random.default_rng([substation.parameters.seed, 1])
+    sites = substation.yard.site_names()
     for number, chosen in enumerate(rng.choice(len(sites), n_sources, replace=False).tolist(), start=1):
         name = sites[chosen]
         kind = SOURCE_KINDS.get(name.partition("/")[2].rstrip("_0123456789"), "void")

@@ -32,7 +32,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class SiteParameters:
+class SubstationParameters:
     """What to draw.
 
     Attributes:
@@ -48,7 +48,7 @@ class SiteParameters:
     seed: int = 0
 
     def errors(self) -> list[str]:
-        """List what is wrong with the parameters."""
+        """List the errors of the parameters."""
         least, most = LEAST_BAYS[self.scheme], MOST_BAYS[self.scheme]
         if least <= self.n_bays <= most:
             return []
@@ -56,11 +56,11 @@ class SiteParameters:
 
 
 @dataclass(frozen=True)
-class Site:
+class Substation:
     """Substation with its roads and the route on them, world frame.
 
     Attributes:
-        parameters: What was drawn.
+        parameters: Parameters of the drawing.
         size_m: Size of the yard.
         bays: Bays in order, and everything else as further groups.
         roads_m: Ends of the middles of the roads.
@@ -68,7 +68,7 @@ class Site:
         waypoints_m: Patrol route on the roads.
     """
 
-    parameters: SiteParameters
+    parameters: SubstationParameters
     size_m: Point
     bays: tuple[Bay, ...]
     roads_m: tuple[tuple[Point, Point], ...]
@@ -87,11 +87,11 @@ class Site:
         return float(np.linalg.norm(np.diff(stops_m, axis=0), axis=1).sum())
 
 
-def draw_site(parameters: SiteParameters) -> Site:
+def draw_substation(parameters: SubstationParameters) -> Substation:
     """Draw a substation.
 
     Raises:
-        ValueError: If the parameters have errors, as `SiteParameters.errors` lists them.
+        ValueError: If the parameters have errors, as `SubstationParameters.errors` lists them.
     """
     if errors := parameters.errors():
         raise ValueError("\n".join(errors))
@@ -111,7 +111,7 @@ def draw_site(parameters: SiteParameters) -> Site:
     west, south, east, north = ring_m, ring_m, float(size_m[0]) - ring_m, float(size_m[1]) - ring_m
     levels_m = [south, *sorted(round(y + float(move_m[1]), 3) for y in drawing.roads_y_m), north]
     dock_m = (west, round(building_y_m + float(move_m[1]), 3))
-    return Site(
+    return Substation(
         parameters=parameters,
         size_m=(float(size_m[0]), float(size_m[1])),
         bays=tuple(Bay(bay.title, [_moved(piece, move_m) for piece in bay.pieces]) for bay in drawing.bays),
