@@ -33,7 +33,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class SubstationParameters:
-    """What to draw.
+    """Parameters of a drawing.
 
     Attributes:
         kv: Nominal voltage.
@@ -77,7 +77,7 @@ class Substation:
 
     @property
     def yard(self) -> Yard:
-        """The yard."""
+        """Yard with the pieces of all bays."""
         return Yard(size_m=self.size_m, equipment=tuple(piece for bay in self.bays for piece in bay.pieces))
 
     @property

@@ -110,7 +110,8 @@ def _draw_angles(gap: Gap, axes: Axes) -> None:
     gain = nominal.manifold().gain(azimuth_rad).T
     expected = gain / np.linalg.norm(gain, axis=1, keepdims=True)
     axes.plot(off_deg, 20 * np.log10(expected), ".", color=SIMULATED, markersize=3)
-    axes.plot(off_deg, 20 * np.log10(np.maximum(gap.groups.unit, 1e-3)), ".", color=RECORDED, markersize=5)
+    recorded = np.where(gap.groups.unit > 0.01, gap.groups.unit, np.nan)  # weaker ones are noise
+    axes.plot(off_deg, 20 * np.log10(recorded), ".", color=RECORDED, markersize=5)
     axes.plot([], [], ".", color=SIMULATED, label="data sheet")
     axes.plot([], [], ".", color=RECORDED, label="recording")
     axes.set_xlabel("angle off the boresight (deg)")
