@@ -9,7 +9,7 @@ from pdpatrol.envs.scenario.base import as_tuples
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.scenario import RouteConfig, Scenario, TaskConfig
 from pdpatrol.envs.scenario.sources import SourceConfig
-from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
+from pdpatrol.robot_models.equipment.catalogue import assemble
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
@@ -19,6 +19,19 @@ from pdpatrol.sensing.radio.transmission import MIN_TRANSMISSION, Sight
 SIZE_M = (32.0, 26.0)
 DOCK_M = (2.5, 2.5)
 N_WAYPOINTS = 4
+
+KINDS = (
+    "busbar",
+    "circuit_breaker",
+    "control_building",
+    "current_transformer",
+    "fence",
+    "gis_bay",
+    "kerb",
+    "power_transformer",
+    "voltage_transformer",
+)
+"""Kinds of equipment of these yards: those with a size for a compact yard."""
 
 GAP_M = 2.0
 """Gap between pieces of equipment, and around the dock. Assumed; about the width of a service vehicle."""
@@ -58,11 +71,11 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
     """
     if not 0 <= n_obstructions <= 12:
         raise ValueError(f"`n_obstructions` must be in [0, 12], got {n_obstructions}")
-    rng, kinds = np.random.default_rng(seed), list(CATALOGUE)
-    with_sites = [kind for kind, entry in CATALOGUE.items() if entry.build(entry.length_m).sites]
+    rng = np.random.default_rng(seed)
+    with_sites = [kind for kind in KINDS if assemble(kind).sites]
     yard = Yard(size_m=SIZE_M)
     for number in range(n_obstructions):
-        kind = str(rng.choice(with_sites if number == 0 else kinds))
+        kind = str(rng.choice(with_sites if number == 0 else KINDS))
         yard = _with_piece(yard, f"{kind}_{number + 1}", kind, rng)
     stops_m = [yard.free_place(rng, TURNING_RADIUS_M).tolist() for _ in range(N_WAYPOINTS)]
     return Scenario(

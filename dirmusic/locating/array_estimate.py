@@ -32,6 +32,7 @@ class ArrayEstimate:
         yaw_rad: Yaw of the mount relative to the robot: mean of the pointing errors, counter-clockwise.
         yaw_std_rad: Its standard deviation.
         pattern_error: Standard deviation of the pattern from that of the data sheet, relative to the largest gain.
+        unexplained_error: Relative error of the strengths that neither sources nor array explain.
     """
 
     errors: EstimatedErrors
@@ -41,6 +42,7 @@ class ArrayEstimate:
     yaw_rad: float
     yaw_std_rad: float
     pattern_error: float
+    unexplained_error: float
 
     @classmethod
     def of_fit(cls, estimate: JointEstimate, n_pulses: int) -> Self:
@@ -56,6 +58,7 @@ class ArrayEstimate:
             yaw_rad=float(estimate.errors.state[pointing].mean()),
             yaw_std_rad=float(np.sqrt(estimate.errors.covariance[pointing, pointing].mean())),
             pattern_error=estimate.levels.pattern,
+            unexplained_error=estimate.levels.unexplained,
         )
 
     def contradictions(self) -> tuple[str, ...]:

@@ -102,7 +102,9 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
         shapes = str(item["ctx"]["expected_tags"]).replace("[", "").replace("]", "")
         yield f"{key}: must have the shape {shapes}, got {item['ctx']['tag'].strip('[]')!r:.60}"
     else:
-        must = re.sub("^(Input|String|Tuple|Dictionary) should", "must", item["msg"]).partition(" after validation")[0]
+        must = re.sub("^(Input|String|Tuple|List|Dictionary) should", "must", item["msg"]).partition(
+            " after validation"
+        )[0]
         must = must.replace("a valid tuple", "an array")
         must = "must be a table" if item["type"].startswith(("model", "dict")) else must
         yield f"{key}: {must}, got {item['input']!r:.60}"

@@ -12,6 +12,8 @@ __all__ = ["main"]
 
 VERBS = {
     "run": "run one mission and write its log, report and recording",
+    "generate": "draw a substation and write it as a scenario file",
+    "import": "make a scenario from a map of OpenStreetMap",
     "plan": "plan a patrol that covers every site of a yard",
     "replay": "open recordings in the Rerun viewer, or make a film",
     "report": "write the report of a mission again from its log",
@@ -21,11 +23,11 @@ VERBS = {
     "gap": "compare a recording with the simulation of the same drive",
     "calibrate": "learn the pattern of an antenna from turns on the spot",
     "trend": "compare repeated inspections of one yard",
-    "export": "write a mission as CSV, GeoJSON, Parquet and MCAP",
+    "export": "write a mission as CSV, GeoJSON, Parquet and MCAP, or a yard as GeoJSON",
     "sweep": "run many missions in parallel",
     "results": "summarise the results of sweeps",
 }
-"""Verbs and their help texts; each verb is a function in a module, both with the name of the verb."""
+"""Verbs and their help texts; each verb is a function in a module, both with the name that `module_of` returns."""
 
 
 def main() -> None:
@@ -47,7 +49,12 @@ def main() -> None:
             # Imported here because it takes a second and `pdpatrol --help` does not need it.
             from pdpatrol.missions.cli.arguments import call_verb
 
-            call_verb(getattr(import_module(f"{__name__}.{verb}"), verb), arguments)
+            call_verb(getattr(import_module(f"{__name__}.{module_of(verb)}"), module_of(verb)), arguments)
+
+
+def module_of(verb: str) -> str:
+    """Return the name of the module of a verb, and of its function."""
+    return "import_site" if verb == "import" else verb
 
 
 def _help() -> str:

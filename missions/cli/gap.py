@@ -30,9 +30,9 @@ def gap(
 ) -> None:
     """State where a recording and the simulation of the same drive differ, with intervals.
 
-    The sources of the recording are located, and the same drive is simulated with these sources in the yard, with the
-    array, receiver, ground and pose errors that the scenario states. Writes gap.json, gap.png, and fitted.toml: the
-    scenario with the fitted values, for `pdpatrol run`.
+    The sources of the recording are sought at the sites of the yard and at the findings. The same drive is simulated
+    with them, with the array, receiver, ground and pose errors that the scenario states. Writes gap.json, gap.png, and
+    fitted.toml: the scenario with the fitted values, for `pdpatrol run`.
 
     Args:
         recording: Survey as for `pdpatrol locate`.
@@ -60,7 +60,5 @@ def gap(
         out.print_json(data=as_json(found))
         return
     out.print(gap_table(found))
-    out.print(
-        "Intervals are 3 standard deviations on each side. A ground or pose error may be missed; see the how-to page."
-    )
+    out.print("Intervals are 3 standard deviations on each side.")
     print_written(folder, "gap.json", "gap.png", "fitted.toml")

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from pyproj import Proj
 
-from dirmusic.arrays import FloatArray
 from dirmusic.locating.finding import outline95
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.atomic_file import atomic_file
@@ -19,6 +17,7 @@ from pdpatrol.missions.record.log_contents import georeference_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import FindingRecord, Scores, SourceMatch
+from pdpatrol.missions.site_map_files.geodesy import longitude_latitude
 
 
 def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
@@ -65,14 +64,6 @@ def _write_geojson(
             {"type": "Feature", "id": f"ellipse-{finding.id}", "geometry": polygon, "properties": {"id": finding.id}},
         ]
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n")
-
-
-def longitude_latitude(places_m: FloatArray, reference: GeoreferenceConfig) -> FloatArray:
-    """Convert places in the yard, shape (..., 2 or more), to longitude and latitude on WGS 84, degrees, (..., 2)."""
-    ground = Proj(proj="aeqd", lat_0=reference.latitude_deg, lon_0=reference.longitude_deg, ellps="WGS84")
-    # East and north of the origin, as real and imaginary part.
-    turned_m = (places_m[..., 0] + 1j * places_m[..., 1]) * np.exp(-1j * np.radians(reference.heading_deg))
-    return np.array(ground(turned_m.real, turned_m.imag, inverse=True)).T.round(8)  # to the millimetre
 
 
 FINDING_COLUMNS = {

@@ -161,8 +161,8 @@ class SiteInspection(ReportPart):
     """`equipment/site`."""
     state: Literal["inspected", "finding", "unexplained", "not_inspected"]
     """`inspected` if a discharge of `level_db` and `rate_hz` is excluded; `finding` if one was located, or may be,
-    within 2 m; `unexplained` if pulses from there, or most pulses from anywhere, belong to no finding; `not_inspected`
-    if too few pulses would have been detected, or from too few directions."""
+    within 2 m or with the site in its ellipse; `unexplained` if pulses from there, or most from anywhere, belong to no
+    finding; `not_inspected` if too few pulses would have been detected, or from too few directions."""
     probability: Probability
     """Probability that such a discharge would have been confirmed or remained a candidate, and left more traces."""
     min_level_db: Number | None

@@ -18,7 +18,7 @@ PULSE_CLASSES = {
 
 SITE_STATES = {
     "inspected": "inspected",
-    "finding": "a finding within 2 m",
+    "finding": "near a finding",
     "unexplained": "unexplained pulses from there",
     "not_inspected": "not inspected",
 }

@@ -1,26 +1,10 @@
-"""Shapes of the equipment of a 110 kV substation, each built for a given length along its x axis.
+"""Shapes of the equipment of a compact 110 kV yard, each built for a given length along its x axis.
 
 All dimensions are assumed and are typical of this voltage class.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
-
+from pdpatrol.robot_models.equipment.assembly import Assembly, Site
 from pdpatrol.robot_models.yard.solids import Solid
-
-Site = tuple[float, float, float]
-
-
-class Assembly(NamedTuple):
-    """Piece of equipment, in its own frame.
-
-    Attributes:
-        parts: Solids by name. In the model, the first solid has the name of the piece.
-        sites: Candidate discharge sites on the surface, by name.
-    """
-
-    parts: Mapping[str, Solid]
-    sites: Mapping[str, Site]
 
 
 def busbar(length_m: float) -> Assembly:

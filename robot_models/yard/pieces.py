@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from dirmusic.arrays import FloatArray
-from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
-from pdpatrol.robot_models.equipment.kinds import Assembly
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, assemble
+from pdpatrol.robot_models.equipment.voltages import Kv
 from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
 from pdpatrol.robot_models.yard.solids import Solid, YardSolids
 
@@ -126,6 +127,7 @@ class CatalogueEquipment(_Equipment, frozen=True):
     length_m: StretchedLength | None = Field(
         default=None, description="length along x of its own frame, if the kind can be stretched"
     )
+    kv: Kv | None = Field(default=None, description="nominal voltage, if the size of the kind depends on it")
 
     @model_validator(mode="after")
     def _is_in_the_catalogue(self) -> Self:
@@ -137,13 +139,14 @@ class CatalogueEquipment(_Equipment, frozen=True):
             )
         if self.length_m is not None and not shape.stretches:
             raise ValueError(f"length_m: must be left out for a {self.kind}, which has one size; got {self.length_m:g}")
+        if self.kv is not None and shape.build_for is None:
+            raise ValueError(f"kv: must be left out for a {self.kind}, which has one size for all; got {self.kv}")
         return self
 
     @cached_property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
-        shape = CATALOGUE[self.kind]
-        return shape.build(shape.length_m if self.length_m is None else self.length_m)
+        return assemble(self.kind, self.length_m, self.kv)
 
 
 def _shape_of(value: Any) -> str:  # noqa: ANN401 - files may contain any value

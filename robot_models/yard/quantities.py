@@ -12,7 +12,7 @@ MOST_YARD_M = 400.0
 """Maximum side length of a yard."""
 
 MOST_PIECES = 1000
-"""Maximum number of pieces of equipment in a yard; a large 110 kV yard has half as many."""
+"""Maximum number of pieces of equipment in a yard; a large 400 kV station has half as many."""
 
 MOST_SITES = 100
 """Maximum number of sites on one piece of equipment."""

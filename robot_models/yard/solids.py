@@ -50,8 +50,8 @@ class YardSolids:
     top_m: FloatArray
     owner: IntArray
 
-    def take(self, chosen: BoolArray) -> YardSolids:
-        """Return the solids that a mask (n_solids,) selects, in the same order."""
+    def take(self, chosen: BoolArray | IntArray) -> YardSolids:
+        """Return the solids that a mask (n_solids,) or an array of indices selects, in the same order."""
         return YardSolids(*(column[chosen] for column in vars(self).values()))
 
     @property

@@ -72,6 +72,9 @@ MESH = Material.of_loss(1.0, 1e7, 2.0, flat_share=0.2)
 KERB = Material.of_loss(5.24, 0.0, 1.0, flat_share=0.0)
 """Assumed: a stone one wavelength high neither attenuates nor reflects waves that pass over it."""
 
+LATTICE = Material.of_loss(1.0, 1e7, 6.0, flat_share=0.0)
+"""Assumed: a steel lattice a few wavelengths wide transmits half the amplitude and scatters the rest."""
+
 GRAVEL = Material.of_loss(3.5, 0.0, 0.0, flat_share=1.0)
 """Ground of dry gravel. Assumed; ITU-R P.527 gives a permittivity of 3 to 4 for dry soil."""
 
@@ -91,23 +94,36 @@ KIND_MATERIALS: dict[str, Material] = {
     "busbar": PORCELAIN,
     "bushing": PORCELAIN,
     "cabinet": METAL,
+    "cable_sealing_end": PORCELAIN,
+    "cable_trench_cover": KERB,
+    "capacitive_voltage_transformer": PORCELAIN,
     "capacitor_bank": RACK,
     "circuit_breaker": METAL,
     "control_building": CONCRETE,
     "current_transformer": PORCELAIN,
     "disconnector": PORCELAIN,
+    "disconnector_centre_break": PORCELAIN,
+    "disconnector_double_break": PORCELAIN,
+    "disconnector_pantograph": PORCELAIN,
     "fence": MESH,
     "fire_wall": CONCRETE,
+    "gantry": LATTICE,
     "gis": METAL,
     "gis_bay": METAL,
+    "gis_outdoor": METAL,
     "kerb": KERB,
+    "line_trap": PORCELAIN,
+    "post_insulator": PORCELAIN,
     "power_transformer": METAL,
     "reactor": METAL,
+    "shunt_reactor": METAL,
     "surge_arrester": PORCELAIN,
     "voltage_transformer": PORCELAIN,
     "wall": CONCRETE,
 }
 """Material of every kind of equipment."""
 
-ROUND_MATERIALS = KIND_MATERIALS | {"circuit_breaker": PORCELAIN, "power_transformer": PORCELAIN}
+ROUND_MATERIALS = KIND_MATERIALS | dict.fromkeys(
+    ("circuit_breaker", "gis_outdoor", "power_transformer", "shunt_reactor"), PORCELAIN
+)
 """Material of the cylinders of every kind: poles and bushings are insulators."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pdpatrol.missions.cli import module_of
 from pdpatrol.missions.cli.arguments import call_verb
 
 Refused = Callable[..., list[str]]
@@ -13,7 +14,10 @@ Refused = Callable[..., list[str]]
 
 def call(verb: str, *arguments: object) -> None:
     """Call a verb with its arguments as on the command line, in the current folder."""
-    call_verb(getattr(import_module(f"pdpatrol.missions.cli.{verb}"), verb), [str(each) for each in arguments])
+    call_verb(
+        getattr(import_module(f"pdpatrol.missions.cli.{module_of(verb)}"), module_of(verb)),
+        [str(each) for each in arguments],
+    )
 
 
 @pytest.fixture

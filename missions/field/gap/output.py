@@ -38,10 +38,8 @@ def as_json(gap: Gap) -> dict[str, Any]:
         "interval": "3 standard deviations on each side",
         "rows": [asdict(row) for row in gap.rows],
         "sources": [
-            {"finding": finding.id, "position_m": position_m.tolist(), "amplitude_v": float(np.exp(level))}
-            for finding, position_m, level in zip(
-                gap.findings, gap.fit.world.positions_m, gap.fit.log_level, strict=True
-            )
+            {"name": source.name, "position_m": position_m.tolist(), "amplitude_v": float(np.exp(level))}
+            for source, position_m, level in zip(gap.sources, gap.fit.world.positions_m, gap.fit.log_level, strict=True)
         ],
     }
 
@@ -112,7 +110,8 @@ def _draw_angles(gap: Gap, axes: Axes) -> None:
     gain = nominal.manifold().gain(azimuth_rad).T
     expected = gain / np.linalg.norm(gain, axis=1, keepdims=True)
     axes.plot(off_deg, 20 * np.log10(expected), ".", color=SIMULATED, markersize=3)
-    axes.plot(off_deg, 20 * np.log10(np.maximum(gap.groups.unit, 1e-3)), ".", color=RECORDED, markersize=5)
+    recorded = np.where(gap.groups.unit > 0.01, gap.groups.unit, np.nan)  # weaker ones are noise
+    axes.plot(off_deg, 20 * np.log10(recorded), ".", color=RECORDED, markersize=5)
     axes.plot([], [], ".", color=SIMULATED, label="data sheet")
     axes.plot([], [], ".", color=RECORDED, label="recording")
     axes.set_xlabel("angle off the boresight (deg)")

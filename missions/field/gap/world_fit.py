@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
-from dirmusic import Finding
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.joint_fit import YAW_PRIOR_RAD
 from pdpatrol.envs.scenario import Scenario
-from pdpatrol.envs.scenario.scenario import position_error
 from pdpatrol.missions.field.gap.noise_free import NoiseFreeDrive, World
 from pdpatrol.missions.field.gap.recorded_strengths import PulseGroups
+from pdpatrol.missions.field.gap.sources import SITE_STD_M, Place, RecordedSource
 from pdpatrol.sensing.radio.materials import GroundName
 
 LEVEL_STD, GAIN_STD, WIDTH_STD = 3.0, 0.7, 0.3
@@ -26,10 +25,9 @@ UNEXPLAINED_LEVEL, FAR_OFF = 0.08, 2.0
 """Relative error of a level that nothing explains, 0.7 dB, and number of these from which on the error of a level is
 taken to be as large as its residual (assumed). They limit how sure the ground is."""
 
-SITE_STD_M, OFF_SITE, NEAR_SITE_M = 1e-3, 4.0, 1.0
-"""Standard deviation of the position of a source at a site, and distances of a finding from a site, in standard
-deviations and in metres, up to which the source may be there (assumed). Next to metal, levels change within
-centimetres."""
+FAR_ACROSS = 0.15
+"""Distance between recorded and simulated ratios, of unit norm, from which on their error is taken to be as large
+(assumed): such pulses came on another path, or from elsewhere."""
 
 STEPS = {"place": 0.02, "axis": 0.1, "pointing": np.radians(1.0), "width": 0.02}
 """Steps of the differences by which derivatives are computed: metres, 1, radians, 1."""
@@ -39,14 +37,13 @@ UNEXPLAINED = 0.005 * 2.0 ** np.linspace(0.0, 6.0, 13)
 """Ratios of the pose errors to the stated ones, and relative errors of strengths that nothing explains, that are
 compared."""
 
-ROUNDS, FIRST_ROUNDS, HALVINGS = 7, 3, 7
-"""Number of times that the model is linearised and fitted again, of these with the errors as stated, and largest number
-of times that a step is halved (assumed)."""
+ROUNDS, FIRST_ROUNDS, DAMPING = 12, 5, (0.0, 0.01, 0.1, 1.0, 10.0)
+"""Number of times that the model is linearised and fitted again, of these with the errors as stated, and damping of the
+steps that are tried, relative to the diagonal of the information (assumed)."""
 
-N_AXES = 40
-"""Number of directions of polarisation from which the fit may start, spread evenly over half a sphere (assumed)."""
-
-GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
+N_AXES, AXIS_RADII, N_AROUND = 120, (0.12, 0.06), 6
+"""Directions of polarisation from which the fit may start: number over half a sphere, then distances from the best of
+these, and number of axes along which these are tried (assumed)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +59,8 @@ class WorldFit:
         width_std: Standard deviation of the width of the beam.
         ratio_density: Posterior probability of each of `RATIOS`.
         log_evidence: Logarithm of the density of the recording with this ground.
-        residual: Recorded minus simulated strengths relative to the recorded level, shape (n_groups, n_elements).
+        residual: Difference of the recorded and the simulated strengths, see `DriveFit.compared`, shape (n_groups,
+            n_elements).
         simulated: Simulated strengths with gains and levels, volts, shape (n_groups, n_elements).
     """
 
@@ -78,18 +76,14 @@ class WorldFit:
     simulated: FloatArray
 
 
-Place = tuple[FloatArray, FloatArray]
-"""Position of a source, shape (3,), and its covariance, shape (3, 3)."""
-
-
 class _Linear(NamedTuple):
     """Model linearised at a state.
 
     Attributes:
         simulated: Simulated strengths, volts, shape (n_groups, n_elements).
         residual: As in `WorldFit`.
-        slope: Derivatives of the simulated strengths relative to the recorded level, shape (n_groups, n_elements,
-            n_states).
+        slope: Derivatives of the simulated strengths as compared, shape (n_groups, n_elements, n_states). Levels have
+            none by the pose: they ripple within centimetres.
         curved: Change of these by the curvature for pose errors as stated, shape (3, n_groups, n_elements).
     """
 
@@ -109,13 +103,13 @@ class DriveFit:
         noise_v2: float,
         time_s: FloatArray,
         pose: FloatArray,
-        findings: Sequence[Finding],
+        sources: Sequence[RecordedSource],
     ) -> None:
         self._groups, self._pose = groups, pose
-        self._candidates = [candidates(finding, scenario) for finding in findings]
+        self._places = [source.places for source in sources]
         self._drive = NoiseFreeDrive(scenario=scenario, step=groups.step, source=groups.source)
         self._scale_v, self._pose_std = np.exp(groups.log_level), scenario.pose_sensor.std
-        n_sources, self._n = len(findings), scenario.array.n_channels
+        n_sources, self._n = len(sources), scenario.array.n_channels
         self._sizes = np.cumsum([3 * n_sources, 3 * n_sources, n_sources, self._n, self._n, 1])
         lag_s = np.abs(time_s[:, np.newaxis] - time_s)
         correlation = np.exp(-lag_s / scenario.pose_sensor.correlation_s) + 1e-9 * np.eye(time_s.size)
@@ -146,39 +140,55 @@ class DriveFit:
         strengths = self._drive.strengths(self._pose + off.reshape(-1, 3), self._world(state, ground))
         return strengths * np.exp(level[self._groups.source, np.newaxis] + gain)
 
+    def _compared(self, simulated: FloatArray) -> FloatArray:
+        """Return simulated strengths as they are compared with the recorded unit vectors, same shape.
+
+        Across these, they are the simulated ratios; along them, one plus the logarithm of the ratio of the levels.
+        """
+        level_v = np.linalg.norm(simulated, axis=1)
+        off = np.log(level_v) - self._groups.log_level
+        return simulated / level_v[:, np.newaxis] + off[:, np.newaxis] * self._groups.unit
+
     def _linearise(self, state: FloatArray, ground: GroundName) -> _Linear:
         groups, places, axes, level, gain, pointing, width = (
             self._groups,
             *np.split(np.arange(state.size), self._sizes)[:-1],
         )
-        scale = 1.0 / self._scale_v[:, np.newaxis]
-        here = self._simulate(state, ground)
-        slope = np.zeros((*here.shape, state.size))
+        simulated = self._simulate(state, ground)
+        here, slope = self._compared(simulated), np.zeros((*simulated.shape, state.size))
         row, channel = np.arange(len(here)), np.arange(self._n)
+        unit = simulated / np.linalg.norm(simulated, axis=1, keepdims=True)
 
         def both(states: IntArray, step: float) -> tuple[FloatArray, FloatArray]:
-            """Return simulations with these states increased and decreased."""
+            """Return simulations with these states increased and decreased, as compared."""
             change = np.zeros(state.size)
             change[states] = step
-            return self._simulate(state + change, ground), self._simulate(state - change, ground)
+            more, less = self._simulate(state + change, ground), self._simulate(state - change, ground)
+            return self._compared(more), self._compared(less)
 
         for k in range(3):
             for states, name in ((places, "place"), (axes, "axis")):
                 is_at_site = self._is_at_site & (name == "place")
                 more, less = both(states[k::3][~is_at_site], STEPS[name])
-                slope[row, :, states[3 * groups.source + k]] = (more - less) * scale / (2 * STEPS[name])
-        slope[row, :, level[groups.source]] = here * scale
-        slope[:, channel, gain] = here * scale
-        more, less = both(pointing, STEPS["pointing"])
-        slope[:, channel, pointing] = (more - less) * scale / (2 * STEPS["pointing"])
+                slope[row, :, states[3 * groups.source + k]] = (more - less) / (2 * STEPS[name])
+        slope[row, :, level[groups.source]] = groups.unit
+        turned = np.zeros(state.size)
+        turned[pointing] = STEPS["pointing"]
+        by_turn = self._simulate(state + turned, ground) - self._simulate(state - turned, ground)
+        by_turn /= 2 * STEPS["pointing"] * np.linalg.norm(simulated, axis=1, keepdims=True)
+        for states, of_channel in ((gain, unit), (pointing, by_turn)):
+            slope[:, :, states] = (groups.unit - unit)[:, :, np.newaxis] * (unit * of_channel)[:, np.newaxis]
+            slope[:, channel, states] += of_channel
         more, less = both(width, STEPS["width"])
-        slope[:, :, width[0]] = (more - less) * scale / (2 * STEPS["width"])
+        slope[:, :, width[0]] = (more - less) / (2 * STEPS["width"])
         curved = np.zeros((3, *here.shape))
         for k, std in enumerate(np.maximum(self._pose_std, 1e-6)):
             more, less = both(np.arange(self._sizes[-1] + k, state.size, 3), std)
-            slope[row, :, self._sizes[-1] + 3 * groups.step + k] = (more - less) * scale / (2 * std)
-            curved[k] = 0.5 * (more + less - 2 * here) * scale
-        return _Linear(here, groups.unit - here * scale, slope, curved)
+            slope[row, :, self._sizes[-1] + 3 * groups.step + k] = (more - less) / (2 * std)
+            curved[k] = 0.5 * (more + less - 2 * here)
+        by_pose = slope[:, :, self._sizes[-1] :]
+        by_pose -= groups.unit[:, :, np.newaxis] * np.einsum("gi,gis->gs", groups.unit, by_pose)[:, np.newaxis]
+        return _Linear(simulated, groups.unit - here, slope, curved)
 
     def _errors(self, linear: _Linear, unexplained: float) -> FloatArray:
         """Return the covariance of the residuals of each group, shape (n_groups, n_elements, n_elements)."""
@@ -186,37 +196,47 @@ class DriveFit:
         own = np.einsum("gij,ij->gij", self._along, np.eye(self._n))
         off2 = np.square(np.einsum("gi,gi->g", self._groups.unit, linear.residual))
         level2 = UNEXPLAINED_LEVEL**2 + np.maximum(off2 - (FAR_OFF * UNEXPLAINED_LEVEL) ** 2, 0.0)
-        return self._noise + curved + unexplained**2 * own + level2[:, np.newaxis, np.newaxis] * self._along
+        across2 = np.maximum(np.square(linear.residual).sum(axis=1) - off2 - FAR_ACROSS**2, 0.0)
+        explained = self._noise + curved + unexplained**2 * own + across2[:, np.newaxis, np.newaxis] * np.eye(self._n)
+        return explained + level2[:, np.newaxis, np.newaxis] * self._along
 
     def _start(self, ground: GroundName) -> tuple[FloatArray, FloatArray]:
         """Return the state with the places and polarisations that explain the levels best, and the prior covariance.
 
         The covariance is that of all states but the poses.
         """
-        n_sources, groups = len(self._candidates), self._groups
+        n_sources, groups = len(self._places), self._groups
         state = np.zeros(self._sizes[-1] + self._pose.size)
         places, axes, level, *_ = np.split(np.arange(state.size), self._sizes)
-        least, place_covariances = np.full(n_sources, np.inf), [np.eye(3)] * n_sources
-        chosen = state.copy()
-        for number in range(max(map(len, self._candidates))):
-            tried = [own[min(number, len(own) - 1)] for own in self._candidates]
-            state[places] = np.concatenate([place_m for place_m, _ in tried])
-            for row in range(N_AXES):
-                up, turn_rad = (row + 0.5) / N_AXES, row * GOLDEN_RAD
-                level_part = np.sqrt(1.0 - up**2)
-                axis = np.array([level_part * np.cos(turn_rad), level_part * np.sin(turn_rad), up])
-                state[axes] = np.tile(axis, n_sources)
-                simulated = self._simulate(state, ground)
-                log_ratio = groups.log_level - np.log(np.linalg.norm(simulated, axis=1))
-                for k in range(n_sources):
-                    of_source = log_ratio[groups.source == k]
-                    middle, own = np.median(of_source), slice(3 * k, 3 * k + 3)
-                    cost = np.abs(of_source - middle).sum()
-                    if cost < least[k]:
-                        least[k], chosen[level[k]], place_covariances[k] = cost, middle, tried[k][1]
-                        chosen[places[own]], chosen[axes[own]] = state[places[own]], state[axes[own]]
-        self._is_at_site = np.array([covariance_m2[0, 0] <= SITE_STD_M**2 for covariance_m2 in place_covariances])
-        return chosen, block_diag(*place_covariances, self._of_others)
+        best, covariances, least = state.copy(), [np.eye(3)] * n_sources, np.full(n_sources, np.inf)
+
+        def compare(tried: Sequence[Place], axes_tried: FloatArray) -> None:
+            """Keep places and axes, shape (n_sources, 3), where they are the best so far."""
+            state[places], state[axes] = np.concatenate([place_m for place_m, _ in tried]), axes_tried.ravel()
+            log_ratio = groups.log_level - np.log(np.linalg.norm(self._simulate(state, ground), axis=1))
+            for k in range(n_sources):
+                of_source = log_ratio[groups.source == k]
+                middle, own = float(np.median(of_source)), slice(3 * k, 3 * k + 3)
+                cost = float(np.abs(of_source - middle).sum())
+                if cost < least[k]:
+                    least[k], best[level[k]], covariances[k] = cost, middle, tried[k][1]
+                    best[places[own]], best[axes[own]] = state[places[own]], state[axes[own]]
+
+        for number in range(max(map(len, self._places))):
+            tried = [own[min(number, len(own) - 1)] for own in self._places]
+            for axis in spread_evenly(N_AXES):
+                compare(tried, np.tile(axis, (n_sources, 1)))
+        tried = [
+            (place_m, covariance) for place_m, covariance in zip(best[places].reshape(-1, 3), covariances, strict=True)
+        ]
+        for radius in AXIS_RADII:
+            around = best[axes].reshape(-1, 3)
+            for axis in spread_evenly(N_AROUND):
+                for sign in (-radius, radius):
+                    moved = around + sign * axis
+                    compare(tried, moved / np.linalg.norm(moved, axis=1, keepdims=True))
+        self._is_at_site = np.array([covariance_m2[0, 0] <= SITE_STD_M**2 for covariance_m2 in covariances])
+        return best, block_diag(*covariances, self._of_others)
 
     def solve(self, ground: GroundName) -> WorldFit:
         """Fit all states, the ratio of the pose errors and the unexplained errors."""
@@ -266,35 +286,34 @@ class DriveFit:
     def _advance(
         self, linear: _Linear, state: FloatArray, mean: FloatArray, ground: GroundName, ratio: float, unexplained: float
     ) -> FloatArray:
-        """Return the state after a step, which is halved until the cost decreases."""
-        _, step = self._step(linear, state - mean, ratio, unexplained)
+        """Return the state after the Levenberg-Marquardt step of least cost, or the state if none decreases it."""
         weight, prior = np.linalg.inv(self._errors(linear, unexplained)), np.linalg.inv(self._prior(ratio))
 
         def cost(at: FloatArray, residual: FloatArray) -> float:
             misfit = np.einsum("gi,gij,gj->g", residual, weight, residual)
             return float(misfit.sum() + (at - mean) @ prior @ (at - mean))
 
-        before = cost(state, linear.residual)
-        for _ in range(HALVINGS):
-            simulated = self._simulate(state + step, ground)
-            if cost(state + step, self._groups.unit - simulated / self._scale_v[:, np.newaxis]) < before:
-                return state + step
-            step = 0.5 * step
-        return state
+        best, least = state, cost(state, linear.residual)
+        for damping in DAMPING:
+            tried = state + self._step(linear, state - mean, ratio, unexplained, damping)[1]
+            now = cost(tried, self._groups.unit - self._compared(self._simulate(tried, ground)))
+            if now < least:
+                best, least = tried, now
+        return best
 
     def _prior(self, ratio: float) -> FloatArray:
         return block_diag(self._global_covariance, ratio**2 * self._pose_covariance)
 
     def _step(
-        self, linear: _Linear, off: FloatArray, ratio: float, unexplained: float
+        self, linear: _Linear, off: FloatArray, ratio: float, unexplained: float, damping: float = 0.0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the covariance of the states, and the Gauss-Newton step from a state `off` its prior mean."""
+        """Return the covariance of the states, and the damped Gauss-Newton step from a state `off` its prior mean."""
         weight = np.linalg.inv(self._errors(linear, unexplained))
         weighted = np.einsum("gij,gjs->gis", weight, linear.slope)
         prior = np.linalg.inv(self._prior(ratio))
         information = np.einsum("gis,git->st", linear.slope, weighted, optimize=True) + prior
         gradient = np.einsum("gis,gi->s", weighted, linear.residual) - prior @ off
-        covariance = np.linalg.inv(information)
+        covariance = np.linalg.inv(information + damping * np.diag(np.diag(information)))
         return covariance, covariance @ gradient
 
     def _weigh(self, linear: _Linear, off: FloatArray) -> tuple[FloatArray, float]:
@@ -324,16 +343,8 @@ class DriveFit:
         return density / density.sum(), float(top + np.log(density.mean()))
 
 
-def candidates(finding: Finding, scenario: Scenario) -> list[Place]:
-    """Return positions, shape (3,), and their covariances, shape (3, 3), at which the source of a finding may be.
-
-    These are sites of the yard nearby, and the finding itself unless it lies inside equipment.
-    """
-    yard, information, found = scenario.known_yard, np.linalg.inv(finding.covariance_m2), list[Place]()
-    for name in yard.site_names():
-        off_m = yard.site_position(name) - finding.position_m
-        if off_m @ information @ off_m < OFF_SITE**2 or np.linalg.norm(off_m) < NEAR_SITE_M:
-            found.append((yard.site_position(name), SITE_STD_M**2 * np.eye(3)))
-    if position_error(yard, finding.position_m) is None:
-        found.append((finding.position_m, finding.covariance_m2))
-    return found
+def spread_evenly(n: int) -> FloatArray:
+    """Return n directions on the upper half of a sphere, on a Fibonacci spiral, shape (n, 3)."""
+    up, turn_rad = (np.arange(n) + 0.5) / n, np.arange(n) * np.pi * (3.0 - np.sqrt(5.0))
+    level = np.sqrt(1.0 - up**2)
+    return np.column_stack([level * np.cos(turn_rad), level * np.sin(turn_rad), up])

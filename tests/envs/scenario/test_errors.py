@@ -145,7 +145,7 @@ CASES = [
     ),
     (
         'map.extra = [{name = "hut", kind = "kiosk", BOX}]',
-        "map.extra.0.kind: no kind `kiosk`; available: building, busbar, bushing, cabinet, capacitor_bank",
+        "map.extra.0.kind: no kind `kiosk`; available: building, busbar, bushing, cabinet, cable_sealing_end",
     ),
     (
         'sources = [{name = "one", sites = ["tank/sout"]}]',

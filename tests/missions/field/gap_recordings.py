@@ -44,9 +44,9 @@ FIVE = Planted(noise_db=6.0, beam_width=1.1, gain_db=-3.0, ground="wet_soil", po
 
 def record(path: Path, seed: int, planted: Planted, n_poses: int = 50) -> FloatArray:
     """Write a recording with two sources, and return the gain of each channel in dB, shape (6,)."""
-    rng, scenario = np.random.default_rng([7, seed]), load_scenario(YARD)
+    rng, scenario = _generator(seed), load_scenario(YARD)
     scenario = scenario.model_copy(update={"radio": scenario.radio.model_copy(update={"ground": planted.ground})})
-    sites = rng.choice(SITES, 2, replace=False).tolist()
+    sites = _draw_sites(rng)
     sources = [
         DischargeSource(
             name=site,
@@ -73,6 +73,19 @@ def record(path: Path, seed: int, planted: Planted, n_poses: int = 50) -> FloatA
     columns = [f"{kind}_{k}" for kind in ("strength", "std") for k in range(1, 7)]
     pd.DataFrame(rows, columns=["time_s", "x_m", "y_m", "yaw_deg", *columns]).to_csv(path, index=False)
     return 20.0 * np.log10(factors)
+
+
+def recorded_sites(seed: int) -> list[str]:
+    """Return the sites of the sources of a recording."""
+    return _draw_sites(_generator(seed))
+
+
+def _generator(seed: int) -> np.random.Generator:
+    return np.random.default_rng([7, seed])
+
+
+def _draw_sites(rng: np.random.Generator) -> list[str]:
+    return rng.choice(SITES, 2, replace=False).tolist()
 
 
 def _direction(rng: np.random.Generator) -> FloatArray:

@@ -14,8 +14,9 @@ from pdpatrol.missions.cli.gap import gap
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.gap.compare import Gap, compare, survey_of
 from pdpatrol.missions.field.gap.recorded_strengths import estimate_noise
+from pdpatrol.missions.field.gap.sources import choose_sources
 from pdpatrol.sensing.receiver.receiver import Receiver
-from tests.missions.field.gap_recordings import FIVE, YARD, Planted, record
+from tests.missions.field.gap_recordings import FIVE, YARD, Planted, record, recorded_sites
 
 
 def compared(folder: Path, seed: int, planted: Planted) -> tuple[Gap, FloatArray]:
@@ -43,6 +44,16 @@ def test_five_planted_differences_are_found_and_nothing_else(tmp_path: Path) -> 
 def test_recording_as_the_scenario_states_claims_nothing(tmp_path: Path) -> None:
     found, _ = compared(tmp_path, 3, Planted())
     assert not [row for row in found.rows if row.is_claimed]
+
+
+@pytest.mark.parametrize("seed", [200, 202])
+def test_sources_are_the_sites_that_explain_the_pulses(tmp_path: Path, seed: int) -> None:
+    """No finding is needed, and the planted differences do not matter."""
+    record(tmp_path / "recording.csv", seed, FIVE)
+    data = read_field_data(tmp_path / "recording.csv")
+    found = choose_sources(data, load_scenario(YARD), findings=())
+    assert {source.name for source in found.sources} == set(recorded_sites(seed))
+    assert found.pulse.size > 0.8 * data.step.size
 
 
 @pytest.mark.parametrize("noise_db", [0.0, 6.0])

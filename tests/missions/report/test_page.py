@@ -11,10 +11,10 @@ from pdpatrol.missions.report.figures import draw_site_plan
 from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.page import report_page
-from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.records import Report, SiteInspection
 from pdpatrol.missions.report.wording import ADVICE_LIMITS, SITE_STATES
 from pdpatrol.missions.runner import run_mission
-from tests.missions.replay.short_mission import short_mission
+from tests.missions.replay.short_mission import copy_of, short_mission
 from tests.missions.report.logs import LOGS, add_finding, two_findings
 from tests.missions.report.page_reader import PageReader
 
@@ -93,6 +93,27 @@ def test_inspection_follows_from_the_path(mission: MissionLog) -> None:
     at_dock = inspect_sites(still)
     assert at_dock is not None
     assert at_dock.names("inspected") == []  # one pose has no aperture
+
+
+def site_inspections(log: MissionLog) -> tuple[SiteInspection, ...]:
+    inspections = inspect_sites(log)
+    assert inspections is not None
+    return inspections.sites
+
+
+def test_site_in_the_ellipse_of_a_confirmed_finding_is_not_judged(mission: MissionLog) -> None:
+    assert {site.state for site in site_inspections(mission)} > {"finding"}
+    log = copy_of(mission, "step", "pulse", "bearing", "finding", "association", "event")
+    add_finding(log, mission.last_step, 1, "confirmed", (15.0, 15.0, 1.0), covariance_m2=400.0 * np.eye(3))
+    assert {site.state for site in site_inspections(log)} == {"finding"}
+
+
+def test_findings_that_explain_their_pulses_badly_exclude_nothing(
+    mission: MissionLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert max(site.probability for site in site_inspections(mission)) > 0.5
+    monkeypatch.setitem(mission.meta["array_estimate"], "unexplained_error", 1.0)
+    assert max(site.probability for site in site_inspections(mission)) < 0.05
 
 
 def test_page_warns_of_false_all_clears(mission: MissionLog) -> None:

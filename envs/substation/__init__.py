@@ -1,0 +1,1 @@
+"""Layouts of outdoor substations as engineers draw them, and the scenarios made of them."""

@@ -1,0 +1,1 @@
+"""Maps of substations as GeoJSON: read from OpenStreetMap and other sources into scenarios, and written from them."""

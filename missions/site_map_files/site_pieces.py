@@ -1,0 +1,230 @@
+"""Pieces of equipment from the features of a map: tags of OpenStreetMap, or properties that `write_site_map` wrote."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from dirmusic.arrays import FloatArray
+from pdpatrol.envs.scenario.base import as_tuples, error_lines
+from pdpatrol.envs.scenario.map import GeoreferenceConfig
+from pdpatrol.missions.site_map_files.features import MapFeature
+from pdpatrol.missions.site_map_files.geodesy import places_in_yard
+from pdpatrol.missions.site_map_files.site_frame import OUTLINES, oriented_box
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
+from pdpatrol.robot_models.equipment.poles import APPARATUS
+from pdpatrol.robot_models.equipment.voltages import VOLTAGES, Kv
+from pdpatrol.robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
+from pdpatrol.robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
+
+OWN = "pdpatrol"
+"""Property with the keys of a piece as in a scenario file."""
+
+ANY = "*"
+
+RULES: tuple[tuple[Mapping[str, str], str], ...] = (
+    ({"power": "transformer", "transformer": "current"}, "current_transformer"),
+    ({"power": "transformer", "transformer": "potential"}, "voltage_transformer"),
+    ({"power": "transformer", "transformer": "voltage"}, "voltage_transformer"),
+    ({"power": "transformer"}, "power_transformer"),
+    ({"power": "switch", "switch": "circuit_breaker"}, "circuit_breaker"),
+    ({"power": "switch", "switch": "disconnector"}, "disconnector_centre_break"),
+    ({"power": "compensator", "compensator": "shunt_reactor"}, "shunt_reactor"),
+    ({"power": "surge_arrester"}, "surge_arrester"),
+    ({"power": "insulator"}, "post_insulator"),
+    ({"power": "terminal"}, "cable_sealing_end"),
+    ({"power": "portal"}, "gantry"),
+    ({"power": "busbar"}, "busbar"),
+    ({"power": "line", "line": "busbar"}, "busbar"),
+    ({"building": ANY}, "building"),
+    ({"barrier": "fence"}, "fence"),
+    ({"barrier": "wall"}, "wall"),
+)
+"""Tags and the kind that they mean; the first match counts."""
+
+KV_OF_V: tuple[tuple[float, float, Kv], ...] = ((60e3, 150e3, 110), (150e3, 300e3, 220), (300e3, 550e3, 400))
+"""Ranges of voltages, and the level whose equipment stands for them."""
+
+STOREY_M, WALL_M = 3.5, 0.3
+"""Height of a storey, and thickness of a wall (assumed)."""
+
+WALL_HEIGHT_M = 3.0
+"""Height of a wall whose height is not given (assumed)."""
+
+STRAIGHT_M = 0.3
+"""Deviation of three poles from a straight line and from equal distances up to which they are one piece (assumed)."""
+
+
+class Found(NamedTuple):
+    """Keys of a piece of a map, and where it comes from."""
+
+    place: str
+    keys: dict[str, Any]
+
+
+def site_pieces(
+    features: Sequence[MapFeature], reference: GeoreferenceConfig, size_m: FloatArray
+) -> tuple[list[Equipment], list[str]]:
+    """Make pieces of equipment from features.
+
+    Returns:
+        The pieces, with unique names, and a note on each feature that was left out or changed.
+    """
+    notes: list[str] = []
+    found: list[Found] = []
+    usual = max((_voltage(each.tags) or 0.0 for each in features if each.tags.get("power") in OUTLINES), default=0.0)
+    for feature in features:
+        if feature.tags.get("power") not in OUTLINES:
+            own = list(_found(feature, places_in_yard(feature.points_deg, reference), usual))
+            found += [each for each in own if isinstance(each, Found)]
+            notes += [each for each in own if isinstance(each, str)]
+    found, merged = _with_poles_joined(found)
+    notes += merged
+    pieces: list[Equipment] = []
+    fence, adapter = Yard(size_m=(float(size_m[0]), float(size_m[1]))), TypeAdapter[Equipment](Equipment)
+    taken = {str(each.keys["name"]) for each in found if "name" in each.keys}
+    for place, keys in found:
+        keys = {"name": _name(keys, taken), **keys}
+        try:
+            piece = adapter.validate_python(as_tuples(keys))
+        except ValidationError as error:
+            notes += [f"{place}: {line}; left out" for line in error_lines(error, Yard)]
+            continue
+        if (across_m := fence.across_fence(piece)) > FENCE_TOLERANCE_M:
+            notes.append(f"{place}: a {piece.kind} there extends {across_m:.2f} m beyond the fence; left out")
+        elif piece.name in (other.name for other in pieces):
+            notes.append(f"{place}: has the name `{piece.name}` of an earlier piece; left out")
+        else:
+            pieces.append(piece)
+    return pieces, notes
+
+
+def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterator[Found | str]:
+    """Yield the pieces of a feature, or a note if it is left out."""
+    own = feature.tags.get(OWN)
+    if isinstance(own, Mapping):
+        yield Found(feature.place, {**own, "position_m": points_m[0].round(4).tolist()})
+        return
+    kind = next((kind for tags, kind in RULES if _has(feature.tags, tags)), None)
+    if kind is None:
+        shown = ", ".join(f"{key}={value}" for key, value in feature.tags.items() if not key.startswith("@"))
+        yield f"{feature.place}: no equipment is known for {shown or 'a feature without tags'}; left out"
+        return
+    keys: dict[str, Any] = {"kind": kind} | _name_key(feature.tags)
+    shape = CATALOGUE.get(kind)
+    if shape is not None and shape.build_for is not None:
+        volts = _voltage(feature.tags) or usual_v
+        level = [kv for low, high, kv in KV_OF_V if low <= volts < high]
+        if not level:
+            given = f"{volts / 1e3:g} kV" if volts else "no voltage"
+            yield f"{feature.place}: {kind} needs a voltage from 60 to 550 kV, got {given}; left out"
+            return
+        keys["kv"] = level[0]
+    if kind in ("building", "wall") or (shape is not None and shape.stretches):
+        yield from _long_pieces(feature, points_m, keys)
+        return
+    box = oriented_box(points_m)
+    turned = {"yaw_deg": _degrees(box.yaw_rad)} if feature.shape != "Point" else {}
+    yield Found(feature.place, {**keys, "position_m": box.centre_m.round(3).tolist(), **turned})
+
+
+def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]) -> Iterator[Found | str]:
+    """Yield a piece for each straight part of a line, or the box around an area."""
+    kind, height_m = keys["kind"], _number(feature.tags.get("height"))
+    if feature.shape == "Point":
+        yield f"{feature.place}: {kind} must be a line or an area, got a point; left out"
+    elif kind == "building":
+        height_m = height_m or STOREY_M * (_number(feature.tags.get("building:levels")) or 1.0)
+        box = oriented_box(points_m)
+        footprint_m = box.size_m.round(3).tolist()
+        solid = {"shape": "box", "footprint_m": footprint_m, "height_m": height_m, "yaw_deg": _degrees(box.yaw_rad)}
+        yield Found(feature.place, {**keys, "position_m": box.centre_m.round(3).tolist(), **solid})
+    else:
+        ends_m = points_m if feature.shape == "LineString" else _axis(points_m)
+        for start_m, end_m in pairwise(ends_m):
+            length_m = round(float(np.linalg.norm(end_m - start_m)), 3)
+            yaw_deg = _degrees(np.arctan2(*(end_m - start_m)[::-1]))
+            part = {**keys, "position_m": (0.5 * (start_m + end_m)).round(3).tolist(), "yaw_deg": yaw_deg}
+            if kind == "wall":
+                height_m = height_m or WALL_HEIGHT_M
+                yield Found(
+                    feature.place, {**part, "shape": "box", "footprint_m": [length_m, WALL_M], "height_m": height_m}
+                )
+            else:
+                yield Found(feature.place, {**part, "length_m": length_m})
+
+
+def _axis(points_m: FloatArray) -> FloatArray:
+    """Return the ends of the longer axis of an area, shape (2, 2)."""
+    box = oriented_box(points_m)
+    half_m = 0.5 * box.size_m[0] * np.array([np.cos(box.yaw_rad), np.sin(box.yaw_rad)])
+    return np.stack([box.centre_m - half_m, box.centre_m + half_m])
+
+
+def _with_poles_joined(found: list[Found]) -> tuple[list[Found], list[str]]:
+    """Join three points in a row, a phase spacing apart, that are the poles of one piece of three poles."""
+    joined, notes, used = list[Found](), list[str](), set[int]()
+    three_pole = [k for k, each in enumerate(found) if _is_single_pole(each.keys)]
+    for trio in combinations(three_pole, 3):
+        first, *others = (found[k] for k in trio)
+        if used & set(trio) or any(first.keys[key] != each.keys[key] for each in others for key in ("kind", "kv")):
+            continue
+        places_m = np.array([found[k].keys["position_m"] for k in trio])
+        apart_m = np.linalg.norm(places_m[:, np.newaxis] - places_m, axis=-1)
+        places_m = places_m[np.roll([0, 1, 2], 1 - int(apart_m.sum(axis=0).argmin()))]  # the middle one second
+        near_m = 1.5 * VOLTAGES[first.keys["kv"]].spacing_m
+        is_straight = np.linalg.norm(places_m[[0, 2]].mean(axis=0) - places_m[1]) <= STRAIGHT_M
+        if is_straight and np.linalg.norm(places_m[2] - places_m[0]) <= 2.0 * near_m:
+            used |= set(trio)
+            yaw_deg = _degrees(np.arctan2(*(places_m[2] - places_m[0])[::-1]))
+            keys = {**first.keys, "position_m": places_m.mean(axis=0).round(3).tolist(), "yaw_deg": yaw_deg}
+            joined.append(Found(first.place, keys))
+            places = ", ".join(found[k].place for k in trio)
+            notes.append(f"{places}: are taken as the poles of one {first.keys['kind']}")
+    return [*(each for k, each in enumerate(found) if k not in used), *joined], notes
+
+
+def _is_single_pole(keys: Mapping[str, Any]) -> bool:
+    """Return whether a piece is a point of a kind with three poles."""
+    shape = APPARATUS.get(keys["kind"])
+    return shape is not None and shape.n_poles == 3 and "yaw_deg" not in keys and "name" not in keys
+
+
+def _has(tags: Mapping[str, Any], needed: Mapping[str, str]) -> bool:
+    return all(tags.get(key) not in (None, "no") and value in (ANY, tags[key]) for key, value in needed.items())
+
+
+def _voltage(tags: Mapping[str, Any]) -> float | None:
+    """Return the highest of the voltages of a tag such as `110000;20000`."""
+    volts = [_number(text) for text in str(tags.get("voltage", "")).split(";")]
+    return max((each for each in volts if each), default=None)
+
+
+def _number(value: Any) -> float | None:  # noqa: ANN401 - a property may have any value
+    """Return the positive number at the beginning of a property, such as `7.5 m`."""
+    found = re.match(r"\s*(\d+(\.\d+)?)", str(value))
+    return float(found[1]) or None if found else None
+
+
+def _degrees(yaw_rad: float) -> float:
+    """Return a yaw in degrees, from -90 up to 90, for pieces that may as well stand the other way round."""
+    return round((float(np.degrees(yaw_rad)) + 90.0) % 180.0 - 90.0, 2)
+
+
+def _name_key(tags: Mapping[str, Any]) -> dict[str, str]:
+    """Return the name by the tags `ref` or `name`, in the letters that names may have."""
+    text = re.sub(r"[^a-z0-9]+", "_", str(tags.get("ref") or tags.get("name") or "").lower()).strip("_")[:MOST_LETTERS]
+    return {"name": text} if re.match("[a-z]", text) else {}
+
+
+def _name(keys: Mapping[str, Any], taken: set[str]) -> str:
+    """Return the name of a piece that has none: its kind and the first number that is free."""
+    number = 1
+    while f"{keys['kind']}_{number}" in taken:
+        number += 1
+    taken.add(name := f"{keys['kind']}_{number}")
+    return name

@@ -1,0 +1,87 @@
+"""Scenario of a substation from its map."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from dirmusic import InputFileError
+from dirmusic.arrays import FloatArray
+from pdpatrol.missions.site_map_files.features import read_features
+from pdpatrol.missions.site_map_files.site_frame import site_frame
+from pdpatrol.missions.site_map_files.site_pieces import site_pieces
+from pdpatrol.robot_models.yard.quantities import MOST_PIECES
+from pdpatrol.robot_models.yard.yard import Yard
+
+DOCK_ROOM_M = 1.2
+"""Clearance of the dock (assumed); more than the shipped robots need."""
+
+
+def import_site(path: Path) -> tuple[str, Yard, list[str]]:
+    """Make a scenario from a GeoJSON file.
+
+    Returns:
+        Text of the scenario file, its yard, and notes on the features that were left out.
+
+    Raises:
+        InputFileError: If the file has errors, or no equipment is known in it.
+    """
+    features = read_features(path)
+    reference, size_m, notes = site_frame(path, features)
+    size_m = size_m.round(2)
+    pieces, more_notes = site_pieces(features, reference, size_m)
+    notes += more_notes
+    if not pieces:
+        raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
+    if len(pieces) > MOST_PIECES:
+        raise InputFileError([f"{path}: must have at most {MOST_PIECES} pieces of equipment, got {len(pieces)}"])
+    yard = Yard(size_m=(float(size_m[0]), float(size_m[1])), equipment=tuple(pieces))
+    rows = [_row(piece.model_dump(mode="json", exclude_none=True)) for piece in pieces]
+    lines = [
+        f"# Made by pdpatrol import from {path.name}, {len(pieces)} pieces",
+        *([] if not notes else ["#", "# Notes:", *(f"# - {note}" for note in notes)]),
+        "",
+        "[yard]",
+        f"size_m = {list(yard.size_m)}",
+        "equipment = [",
+        *(f"  {row}," for row in rows),
+        "]",
+        "",
+        "[route]",
+        f"dock_m = {_dock(yard).tolist()}",
+        'waypoints_m = "planned"',
+        "",
+        "[array]",
+        "",
+        tomlkit.dumps({"georeference": reference.model_dump()}),
+    ]
+    return "\n".join(lines), yard, notes
+
+
+def _row(keys: dict[str, Any]) -> str:
+    """Return a piece as an inline table."""
+    if keys.get("shape") == "catalogue":
+        del keys["shape"]
+    if not keys.get("yaw_deg"):
+        keys.pop("yaw_deg", None)
+    if not keys.get("sites", True):
+        del keys["sites"]
+    table = tomlkit.inline_table()
+    table.update(keys)
+    return table.as_string()
+
+
+def _dock(yard: Yard) -> FloatArray:
+    """Return the free place nearest to the south-western corner of a yard, shape (2,).
+
+    Raises:
+        InputFileError: If no place has the clearance of a dock.
+    """
+    places_m = np.stack(np.meshgrid(*(np.arange(0.5, size_m, 0.5) for size_m in yard.size_m)), axis=-1).reshape(-1, 2)
+    free_m = places_m[yard.clearance(places_m) >= DOCK_ROOM_M]
+    if not free_m.size:
+        raise InputFileError(
+            [f"the yard of {yard.size_m} m must have free ground for a dock, {DOCK_ROOM_M:g} m from all"]
+        )
+    return free_m[np.linalg.norm(free_m, axis=1).argmin()]

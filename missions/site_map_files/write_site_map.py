@@ -1,0 +1,33 @@
+"""Write the yard of a scenario as GeoJSON that `pdpatrol import` and geographic information systems read."""
+
+from typing import Any
+
+import numpy as np
+
+from pdpatrol.envs.scenario import Scenario
+from pdpatrol.envs.scenario.map import GeoreferenceConfig
+from pdpatrol.missions.site_map_files.geodesy import longitude_latitude
+from pdpatrol.missions.site_map_files.site_pieces import ANY, OWN, RULES
+
+
+def site_map(scenario: Scenario, reference: GeoreferenceConfig) -> dict[str, Any]:
+    """Return a FeatureCollection: the outline of the yard, and a point for each piece of equipment.
+
+    The points have tags of OpenStreetMap where these exist for their kind, and their keys in the scenario file.
+    """
+    x_m, y_m = scenario.yard.size_m
+    corners_m = np.array([(0.0, 0.0), (x_m, 0.0), (x_m, y_m), (0.0, y_m), (0.0, 0.0)])
+    outline = {"type": "Polygon", "coordinates": [longitude_latitude(corners_m, reference).tolist()]}
+    tags = {"power": "substation", "barrier": "fence", "heading_deg": reference.heading_deg}
+    features = [{"type": "Feature", "properties": tags, "geometry": outline}]
+    for piece in scenario.yard.equipment:
+        keys = piece.model_dump(mode="json", exclude_none=True, exclude={"position_m"})
+        known = next((tags for tags, kind in RULES if kind == piece.kind), {})
+        tags = {key: "yes" if value == ANY else value for key, value in known.items()}
+        tags |= {"voltage": str(1000 * keys["kv"])} if "kv" in keys else {}
+        place = longitude_latitude(np.array(piece.position_m), reference).tolist()
+        properties = {"name": piece.name, **tags, OWN: keys}
+        features.append(
+            {"type": "Feature", "properties": properties, "geometry": {"type": "Point", "coordinates": place}}
+        )
+    return {"type": "FeatureCollection", "features": features}

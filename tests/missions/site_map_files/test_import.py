@@ -1,0 +1,231 @@
+"""Maps of substations: reading, refused and listed features, and reading of written maps."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dirmusic import InputFileError
+from pdpatrol.envs.scenario import load_scenario
+from pdpatrol.envs.scenario.map import GeoreferenceConfig
+from pdpatrol.envs.substation.substation import SubstationParameters, draw_substation
+from pdpatrol.envs.substation.substation_file import substation_text
+from pdpatrol.missions.site_map_files.geodesy import longitude_latitude, places_in_yard
+from pdpatrol.missions.site_map_files.site_scenario import import_site
+from pdpatrol.missions.site_map_files.write_site_map import site_map
+from tests.missions.conftest import Refused, call
+
+HERE = GeoreferenceConfig(latitude_deg=-33.9, longitude_deg=18.4, heading_deg=27.0)
+SHARED = Path(__file__).parents[4] / "shared" / "findings" / "cases" / "site_from_osm" / "site.geojson"
+
+
+def feature(points_m: list[tuple[float, float]], **tags: object) -> dict[str, Any]:
+    """Return a feature of a made-up yard: a point, a line, or an area if the last point is the first."""
+    points = longitude_latitude(np.array(points_m), HERE).tolist()
+    shape, coordinates = ("Point", points[0]) if len(points) == 1 else ("LineString", points)
+    if len(points) > 3 and points[0] == points[-1]:
+        shape, coordinates = "Polygon", [points]
+    return {"type": "Feature", "properties": tags, "geometry": {"type": shape, "coordinates": coordinates}}
+
+
+def area(x: float, y: float, width_m: float, depth_m: float, **tags: object) -> dict[str, Any]:
+    x_m, y_m = 0.5 * width_m, 0.5 * depth_m
+    return feature(
+        [(x - x_m, y - y_m), (x + x_m, y - y_m), (x + x_m, y + y_m), (x - x_m, y + y_m), (x - x_m, y - y_m)], **tags
+    )
+
+
+OUTLINE = area(40.0, 30.0, 80.0, 60.0, power="substation", voltage="220000;20000")
+BREAKER = feature([(20.0, 30.0)], power="switch", switch="circuit_breaker", ref="E03-QA1")
+
+
+def written(folder: Path, *features: dict[str, Any]) -> Path:
+    path = folder / "site.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return path
+
+
+def test_tags_become_kinds_at_their_places(tmp_path: Path) -> None:
+    """Positions, turns, lengths, voltages and names of a made-up map, and its position on Earth."""
+    path = written(
+        tmp_path,
+        OUTLINE,
+        BREAKER,
+        area(40.0, 15.0, 12.0, 6.0, power="transformer", voltage="400000"),
+        feature([(10.0, 40.0), (60.0, 40.0)], power="line", line="busbar"),
+        feature([(30.0, 50.0)], power="transformer", transformer="current", voltage="110000"),
+        area(70.0, 50.0, 6.0, 10.0, building="yes", height="5 m"),
+        feature([(5.0, 55.0), (5.0, 45.0), (15.0, 45.0)], barrier="fence"),
+    )
+    text, yard, notes = import_site(path)
+    assert notes == []
+    assert yard.size_m == pytest.approx((80.0, 60.0), abs=0.02)
+    got = {item.name: item for item in yard.equipment}
+    for name, kind, kv, place_m in (
+        ("e03_qa1", "circuit_breaker", 220, (20.0, 30.0)),
+        ("power_transformer_1", "power_transformer", 400, (40.0, 15.0)),
+        ("busbar_1", "busbar", 220, (35.0, 40.0)),
+        ("current_transformer_1", "current_transformer", 110, (30.0, 50.0)),
+        ("building_1", "building", None, (70.0, 50.0)),
+        ("fence_2", "fence", None, (10.0, 45.0)),
+    ):
+        assert (got[name].kind, got[name].model_dump().get("kv")) == (kind, kv)
+        assert got[name].position_m == pytest.approx(place_m, abs=0.01)
+    assert got["busbar_1"].model_dump()["length_m"] == pytest.approx(50.0, abs=0.01)
+    assert abs(got["building_1"].yaw_deg) == pytest.approx(90.0, abs=0.1)
+    low_m, high_m = got["building_1"].solids.extent_m
+    assert high_m - low_m == pytest.approx([6.0, 10.0], abs=0.05)
+    (tmp_path / "site.toml").write_text(text, encoding="utf-8")
+    scenario = load_scenario(tmp_path / "site.toml")
+    assert scenario.yard == yard
+    assert scenario.georeference is not None
+    assert scenario.georeference.heading_deg == pytest.approx(27.0, abs=0.01)
+    assert scenario.georeference.latitude_deg == pytest.approx(-33.9, abs=1e-7)
+
+
+def test_three_poles_in_a_row_are_one_piece(tmp_path: Path) -> None:
+    poles = [feature([(20.0, 25.0 + 4.0 * k)], power="switch", switch="disconnector") for k in (2, 0, 1)]
+    alone = feature([(50.0, 30.0)], power="switch", switch="disconnector")
+    _, yard, (note,) = import_site(written(tmp_path, OUTLINE, *poles, alone))
+    assert note.endswith("are taken as the poles of one disconnector_centre_break")
+    apart, joined = sorted(yard.equipment, key=lambda item: -item.position_m[0])
+    assert apart.position_m == pytest.approx((50.0, 30.0), abs=0.01)
+    assert joined.position_m == pytest.approx((20.0, 29.0), abs=0.01)
+    assert abs(joined.yaw_deg) == pytest.approx(90.0, abs=0.1)
+
+
+NOT_UNDERSTOOD = (
+    (feature([(30.0, 30.0)], power="catenary_mast"), "no equipment is known for power=catenary_mast; left out"),
+    (feature([(30.0, 30.0)]), "no equipment is known for a feature without tags; left out"),
+    (feature([(30.0, 30.0)], building="yes"), "building must be a line or an area, got a point; left out"),
+    (feature([(30.0, 30.0)], power="portal"), "gantry must be a line or an area, got a point; left out"),
+    (feature([(79.9, 30.0)], power="transformer"), r"a power_transformer there extends \d.\d\d m beyond the fence"),
+    (feature([(30.0, 30.0)], power="transformer", voltage="20000"), "needs a voltage from 60 to 550 kV, got 20 kV"),
+    (feature([(30.0, 30.0)], power="insulator", ref="E03-QA1"), "has the name `e03_qa1` of an earlier piece; left out"),
+    (feature([(30.0, 30.0), (30.1, 30.0)], barrier="fence"), "length_m: must be greater than or equal to 0.5"),
+    (feature([(30.0, 30.0)], pdpatrol={"name": "it", "kind": "pump"}), "kind: must be one of building"),
+)
+
+
+@pytest.mark.parametrize(("item", "line"), NOT_UNDERSTOOD, ids=range(len(NOT_UNDERSTOOD)))
+def test_what_is_not_understood_is_listed(item: dict[str, Any], line: str, tmp_path: Path) -> None:
+    """One note names the feature; all others are still read, and the note stands in the file as well."""
+    text, yard, (note,) = import_site(written(tmp_path, OUTLINE, BREAKER, item))
+    assert note.startswith("features.2")
+    assert re.search(line, note), note
+    assert [piece.name for piece in yard.equipment] == ["e03_qa1"]
+    assert f"# - {note}" in text
+
+
+BAD_GEOMETRY = (
+    (
+        {"type": "Point", "coordinates": [1001875.4, 52.0]},
+        "geometry.Point.coordinates.0: must be less than or equal",
+    ),
+    ({"type": "Point", "coordinates": [9.0]}, "geometry.Point.coordinates.1: is required"),
+    ({"type": "Point", "coordinates": ["nine", 52.0]}, "geometry.Point.coordinates.0: must be a valid number"),
+    ({"type": "Point", "coordinates": [float("nan"), 52.0]}, "geometry.Point.coordinates.0: must be a finite number"),
+    ({"type": "LineString", "coordinates": [[9.0, 52.0]]}, "must have at least 2 items"),
+    ({"type": "Polygon", "coordinates": [[[9.0, 52.0], [9.1, 52.0], [9.0, 52.0]]]}, "must have at least 4 items"),
+    ({"type": "Circle", "coordinates": [9.0, 52.0]}, "geometry"),
+    (None, "geometry"),
+)
+
+
+def test_each_bad_geometry_is_one_error(tmp_path: Path) -> None:
+    broken = [{"type": "Feature", "properties": {}, "geometry": geometry} for geometry, _ in BAD_GEOMETRY]
+    with pytest.raises(InputFileError) as refused:
+        import_site(written(tmp_path, OUTLINE, *broken))
+    lines = refused.value.faults
+    assert len(lines) == len(BAD_GEOMETRY)
+    for number, (line, (_, expected)) in enumerate(zip(lines, BAD_GEOMETRY, strict=True), start=1):
+        assert f"site.geojson: features.{number}." in line
+        assert expected in line
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("{", "is not valid JSON"),
+        ("[]", "must be a GeoJSON FeatureCollection with features"),
+        ('{"type": "FeatureCollection", "features": []}', "must be a GeoJSON FeatureCollection with features"),
+        (json.dumps({"type": "FeatureCollection", "features": [OUTLINE]}), "must contain equipment, got none"),
+        (json.dumps({"type": "FeatureCollection", "features": [OUTLINE, OUTLINE]}), "must have one outline"),
+        (
+            json.dumps(
+                {"type": "FeatureCollection", "features": [BREAKER, feature([(900.0, 9.0)], power="insulator")]}
+            ),
+            "the yard must be at most 400 m long",
+        ),
+    ],
+)
+def test_unusable_file_is_refused_in_one_line(text: str, line: str, tmp_path: Path, refused: Refused) -> None:
+    (tmp_path / "site.geojson").write_text(text, encoding="utf-8")
+    (error,) = refused("import", "site.geojson", cwd=tmp_path)
+    assert line in error
+    assert not (tmp_path / "site.toml").exists()
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 27.0, 90.0, -135.0])
+def test_written_map_is_read_back(heading_deg: float, tmp_path: Path) -> None:
+    """Every piece keeps its keys, and its place within 1 cm, whatever the heading."""
+    site = tmp_path / "drawn.toml"
+    where = f"[georeference]\nlatitude_deg = 51.5\nlongitude_deg = 7.4\nheading_deg = {heading_deg}\n"
+    site.write_text(
+        substation_text(draw_substation(SubstationParameters(220, "ring", 4, 1)), 1) + "\n" + where, encoding="utf-8"
+    )
+    drawn = load_scenario(site)
+    assert drawn.georeference is not None
+    path = tmp_path / "site.geojson"
+    path.write_text(json.dumps(site_map(drawn, drawn.georeference)), encoding="utf-8")
+    _, yard, notes = import_site(path)
+    assert notes == []
+    assert np.abs(np.subtract(yard.size_m, drawn.yard.size_m)).max() < 0.01
+    assert len(yard.equipment) == len(drawn.yard.equipment)
+    for piece, old in zip(yard.equipment, drawn.yard.equipment, strict=True):
+        assert piece.model_dump(exclude={"position_m"}) == old.model_dump(exclude={"position_m"})
+        assert np.linalg.norm(np.subtract(piece.position_m, old.position_m)) < 0.01
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    latitude_deg=st.floats(-80.0, 80.0),
+    longitude_deg=st.floats(-179.0, 179.0),
+    heading_deg=st.floats(-360.0, 360.0),
+    place_m=st.tuples(st.floats(0.0, 400.0), st.floats(0.0, 400.0)),
+)
+def test_geodesy_is_inverted_within_a_millimetre(
+    latitude_deg: float, longitude_deg: float, heading_deg: float, place_m: tuple[float, float]
+) -> None:
+    where = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=longitude_deg, heading_deg=heading_deg)
+    there = longitude_latitude(np.array([place_m]), where)
+    assert np.abs(places_in_yard(there, where) - place_m).max() < 1.5e-3
+
+
+def test_export_of_a_scenario_needs_a_georeference(tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text(
+        substation_text(draw_substation(SubstationParameters(110, "single_busbar", 2, 0)), 1), encoding="utf-8"
+    )
+    (error,) = refused("export", "site.toml", cwd=tmp_path)
+    assert error == "site.toml: must have a table [georeference] to be written as a map"
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs ../shared")
+def test_openstreetmap_extract_becomes_a_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    call("import", SHARED, "--out", "site.toml")
+    scenario = load_scenario(tmp_path / "site.toml")
+    kinds = [item.kind for item in scenario.yard.equipment]
+    assert {kind: kinds.count(kind) for kind in set(kinds)} == {
+        "power_transformer": 2,
+        "building": 1,
+        "circuit_breaker": 2,
+        "current_transformer": 6,
+        "busbar": 1,
+    }
