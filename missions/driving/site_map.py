@@ -104,6 +104,7 @@ class SiteMap:
         centres_m: Cell centres, shape (n_cells, 2).
         clearance_m: Distance from each cell centre to equipment, fence or obstacle, shape (n_cells,).
         is_free: True for cells on which the robot fits, shape (n_cells,).
+        moves: Costs of the moves between neighbouring free cells, at least `CELL_M`, shape (n_cells, n_cells).
         antenna_height_m: Height of the array above the ground.
         bearing_std_rad: Standard deviation of bearings from the uncertainty of array and heading.
         position_std_m: Standard deviation of the robot's position, along x and along y.
@@ -141,7 +142,7 @@ class SiteMap:
         self.is_free = self.clearance_m >= self.robot.footprint_radius_m + MARGIN_M
         self._free_cells = np.flatnonzero(self.is_free)
         self._free_tree = KDTree(self.centres_m[self._free_cells])
-        self._graph = self._moves()
+        self.moves = self._moves()
 
     def clearance(self, points_m: FloatArray) -> FloatArray:
         """Return the distance from points (..., 2) to equipment, fence or obstacle, shape (...)."""
@@ -190,36 +191,8 @@ class SiteMap:
 
     def reach(self, point_m: ArrayLike) -> ShortestPaths:
         """Find the shortest paths from a point (2,) to all cells."""
-        length_m, before = dijkstra(self._graph, indices=self.nearest_free(point_m), return_predecessors=True)
+        length_m, before = dijkstra(self.moves, indices=self.nearest_free(point_m), return_predecessors=True)
         return ShortestPaths(length_m, np.where(before >= 0, before, np.arange(before.size)), self)
-
-    def reach_near(self, cell: int, within_m: float) -> tuple[IntArray, FloatArray, IntArray]:
-        """Find the shortest paths from a free cell to the cells around it, on the part of the map that they can use.
-
-        Args:
-            cell: Where the paths start.
-            within_m: Largest cost-weighted length of the paths.
-
-        Returns:
-            Cells that are reached, ascending; cost-weighted path length to each, as in `ShortestPaths`; index of the
-            cell before each on its path, its own index at the start; each of shape (n,).
-        """
-        n_y, far = round(self.yard.size_m[1] / CELL_M), int(within_m / CELL_M) + 1
-        n_x = self.is_free.size // n_y
-        x, y = divmod(cell, n_y)
-        xs, ys = (np.arange(max(at - far, 0), min(at + far + 1, n)) for at, n in ((x, n_x), (y, n_y)))
-        cells = (xs[:, np.newaxis] * n_y + ys).ravel()
-        moves = self._graph[cells]
-        to_x, to_y = np.divmod(moves.indices, n_y)
-        is_inside = (to_x >= xs[0]) & (to_x <= xs[-1]) & (to_y >= ys[0]) & (to_y <= ys[-1])
-        ends = ((to_x - xs[0]) * ys.size + to_y - ys[0])[is_inside]
-        begins = np.append(0, np.cumsum(is_inside, dtype=np.int32))[moves.indptr]
-        graph = csr_array((moves.data[is_inside], ends, begins), shape=(cells.size, cells.size))
-        start = int((x - xs[0]) * ys.size + y - ys[0])
-        length_m, before = dijkstra(graph, indices=start, return_predecessors=True, limit=within_m)
-        reached = np.flatnonzero(np.isfinite(length_m))
-        before[start] = start
-        return cells[reached], length_m[reached], np.searchsorted(reached, before[reached])
 
     def shortest_tour(self, places_m: Sequence[FloatArray], within_m: float) -> float:
         """Return the length of the shortest path from the dock to within a distance of each place, in the best order.

@@ -80,7 +80,7 @@ def as_json(plan: Plan) -> dict[str, Any]:
             "dock_m": list(plan.scenario.route.dock_m),
             "waypoints_m": plan.stops_m.tolist(),
             "length_m": plan.tour.length_m,
-            "bound_m": plan.tour.bound_m,
+            "bound_m": plan.bound_m,
             "dwell_s": plan.dwell_s,
             "driving_s": plan.driving_s,
             "path_m": plan.path_m.tolist(),

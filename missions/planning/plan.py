@@ -42,6 +42,7 @@ class Plan:
             the aperture that routes are planned for, or the widest possible if that is smaller. The others are the
             values of the tour before shortening, limited to `CROSSING_RAD` and `MIN_CELLS`.
         tour: The tour; only the dock's cell if nothing is detectable.
+        bound_m: Lower bound of the length of all tours past the same stops.
         stops_m: Stops of the tour in order, shape (n_stops, 2), world frame.
         path_m: Path of the tour from the dock and back, shape (n, 2).
         driving_s: Approximate duration of the tour without dwelling at its stops.
@@ -53,6 +54,7 @@ class Plan:
     detectability: Detectability
     required: FloatArray
     tour: Tour
+    bound_m: float
     stops_m: FloatArray
     path_m: FloatArray
     driving_s: float
@@ -60,7 +62,7 @@ class Plan:
     @property
     def gap(self) -> float:
         """Relative optimality gap: largest fraction by which the tour is longer than the shortest past its stops."""
-        return self.tour.length_m / self.tour.bound_m - 1.0 if self.tour.length_m > 0.0 else 0.0
+        return self.tour.length_m / self.bound_m - 1.0 if self.tour.length_m > 0.0 else 0.0
 
     @property
     def blind(self) -> tuple[str, ...]:
@@ -150,7 +152,7 @@ def make_plan(
     required_rad = np.minimum(widest_rad, scenario.locating.rules().planned_aperture_rad)
     columns = cover(detectability, candidates(detectability, clearance_m, required_rad), required_rad)
     tours = ShortestTours(site_map)
-    longer = tours.short(detectability.cells[columns].tolist())  # most of these stops are needless
+    longer = tours.in_order(tours.shortest(detectability.cells[columns].tolist()))
     offered = coverage(detectability, longer.cells)
     required = np.column_stack([required_rad, np.minimum(offered[:, 1:], [CROSSING_RAD, MIN_CELLS])])
     every_fourth = np.floor(detectability.places_m / CELL_M).astype(np.intp) % 4 == 2  # 1 m apart (assumed)
@@ -159,7 +161,8 @@ def make_plan(
     def report(n_left: int) -> None:
         progress(f"tour of {n_left} stops", 0.9 - 0.4 * n_left / max(columns.size, 1))
 
-    tour = TourShortener(detectability, tours, required, is_stop, report).shorten(longer)
+    shortener = TourShortener(detectability, tours, required, is_stop, report)
+    tour = tours.in_order(shortener.shorten(longer.stops.tolist()))
     n_halts = tour.stops.size + 1 if tour.length_m > 0.0 else 0
     return Plan(
         scenario=scenario,
@@ -168,6 +171,7 @@ def make_plan(
         detectability=detectability,
         required=required,
         tour=tour,
+        bound_m=tours.bound_m(tour),
         stops_m=site_map.centres_m[tour.stops],
         path_m=site_map.centres_m[tour.cells],
         driving_s=tour.length_m / scenario.robot.description.max_speed_mps + HALT_S * n_halts,

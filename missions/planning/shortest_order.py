@@ -1,243 +1,240 @@
-"""Travelling salesman: the shortest closed tour past places whose distances are costly to compute.
-
-Linear programmes with cuts and columns that are generated when needed give a lower bound, and the tours near it.
-"""
+"""Travelling salesman: a short closed tour past places, and a lower bound of the length of all such tours."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, linprog, milp
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
-from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.arrays import FloatArray, IntArray
+from dirmusic.compiled import compiled, compiled_inner
 
-GAP = 0.02
-"""Relative optimality gap at which a search ends. Assumed; paths on the grid of the map are 1.4 % too long on average,
-and their lengths from either end differ as much."""
+N_KICKS = 500
+"""Number of changes at random after which a tour is improved again. Assumed; up to thirty places, more find no shorter
+tour."""
 
-N_NEAREST = 4
-"""Number of nearest places to which each place is joined at first. The result does not depend on it."""
+LONGEST_PART = 3
+"""Largest number of places that are moved together; see Or 1976."""
 
-NODE_LIMIT = 1000
-"""Largest number of nodes of one search. Assumed; tours past a hundred stops take a few."""
+LONGEST_KICK = 30
+"""Largest number of places in each of the two parts that a change at random swaps."""
 
-TINY = 1e-6
-"""Tolerance in comparisons of lengths and of solutions of linear programmes."""
+N_ASCENTS = 600
+"""Number of steps of the ascent to the lower bound. Assumed; more raise it by less than 0.1 %."""
 
-
-class Order(NamedTuple):
-    """Order of a closed tour.
-
-    Attributes:
-        order: The places, beginning with the first one, in either direction.
-        bound: Lower bound of the lengths of all tours.
-    """
-
-    order: tuple[int, ...]
-    bound: float
+TINY = 1e-9
+"""Smallest reduction of a length that counts."""
 
 
-def shortest_order(least: FloatArray, length: Callable[[int, int], float]) -> Order:
-    r"""Return the shortest closed tour past n places, starting at the first.
+def shortest_order(order: IntArray, lengths: FloatArray, near: IntArray) -> IntArray:
+    """Return a short closed tour past all places, not longer than a given one.
 
-    .. math:: \min \sum_{i < j} d_{ij} x_{ij}, \quad \sum_j x_{ij} = 2, \quad \sum_{i \in S, j \notin S} x_{ij} \geq 2
-
-    for each set S of places that an earlier solution separates from the others: such conditions are added until a
-    single tour remains, or until a tour that is made of the solution is within the optimality gap. Only pairs of places
-    that could be part of a shorter tour enter, as their reduced costs state, which are computed from lower bounds of
-    their lengths. The bound is that of the linear programme.
+    Parts of the tour are reversed, and parts of up to three places are moved, while either makes the tour shorter; then
+    two neighbouring parts at random are swapped and the tour is improved again. Up to a dozen places, the tour is the
+    shortest.
 
     Args:
-        least: Lower bounds of the path lengths between the places, symmetric, shape (n, n).
-        length: Function that returns the path length between two places.
+        order: A closed tour past n places, shape (n,).
+        lengths: Path lengths between the places, symmetric, shape (n, n).
+        near: Places to which each place may be joined anew, the nearest first, shape (n, n_near).
 
     References:
-        Dantzig, Fulkerson and Johnson 1954.
+        Or 1976; Bentley 1992; Martin, Otto and Felten 1991.
     """
-    n = len(least)
+    n = len(order)
     if n <= 3:
-        return Order(tuple(range(n)), sum(length(i, (i + 1) % n) for i in range(n)) if n > 1 else 0.0)
-    problem = _Problem(least, length)
-    guess = short_order(least)
-    problem.join(np.column_stack([guess, np.roll(guess, -1)]))
-    nearest = np.argsort(least, axis=1, kind="stable")[:, 1 : N_NEAREST + 1]
-    problem.join(np.column_stack([np.repeat(np.arange(n), nearest.shape[1]), nearest.ravel()]))
-    while True:
-        relaxed = problem.relax()
-        if not problem.cut(relaxed.x, (0.0, 0.25, 0.5, 0.75)) and not problem.join_best(relaxed, 0.25 * GAP):
-            break
-    x, loss = relaxed.x, problem.loss(relaxed)
-    while True:
-        order = _improved(problem.rounded(x), least)
-        total = sum(length(order[k - 1], order[k]) for k in range(n))
-        is_done = total <= relaxed.bound * (1.0 + GAP) or (not problem.cut(x, (0.5,)) and x is not relaxed.x)
-        if is_done:
-            start = order.index(0)
-            return Order((*order[start:], *order[:start]), min(relaxed.bound - loss, total))
-        x = problem.solve()
-
-
-def _improved(order: list[int], least: FloatArray) -> list[int]:
-    """Shorten a tour by turning parts of it round, and by moving parts of up to three places, while either helps.
-
-    Only changes count that join a place with one of the places nearest to it.
-    """
-    n, tour, position = len(order), np.array(order), np.empty(len(order), dtype=np.intp)
-    nearest = np.argsort(least, axis=1, kind="stable")[:, 1 : N_NEAREST + 1]
-    place = np.arange(n)
-    while True:
-        position[tour] = place
-        after, best = np.roll(tour, -1), (-TINY, 0, 0, 0)
-        step = least[tour, after]
-        for size in range(min(3, n - 3) + 1):
-            # The part begins behind each place; it is put, turned round, behind another one. Size 0: it ends there.
-            first, last, beyond = after, np.roll(tour, -size), np.roll(tour, -size - 1)
-            j = np.hstack([position[nearest[last]], (position[nearest[first]] - 1) % n])
-            change = least[last[:, np.newaxis], tour[j]] + least[first[:, np.newaxis], after[j]] - step[j]
-            change -= (step + least[last, beyond] - least[tour, beyond] if size else step)[:, np.newaxis]
-            change[(j - place[:, np.newaxis]) % n <= size] = 0.0
-            i, k = np.unravel_index(change.argmin(), change.shape)
-            best = min(best, (float(change[i, k]), size, int(i), int(j[i, k])))
-        _, size, i, j = best
-        if i == j:
-            return tour.tolist()
-        turned = np.roll(tour, -i - 1)  # the part comes first
-        at = (j - i - 1) % n
-        part = size or at + 1
-        tour = np.concatenate([turned[part : at + 1], turned[:part][::-1], turned[at + 1 :]])
-
-
-def short_order(least: FloatArray) -> list[int]:
-    """Return a short tour past n places with distances (n, n): on to the nearest remaining place, then improved."""
-    remaining, order = np.ones(len(least), dtype=np.bool_), [0]
-    for _ in range(len(least) - 1):
-        remaining[order[-1]] = False
-        order.append(int(np.where(remaining, least[order[-1]], np.inf).argmin()))
-    return _improved(order, least) if len(order) > 3 else order
-
-
-class _Relaxed(NamedTuple):
-    """Solution of the linear programme.
-
-    Attributes:
-        x: Value of each pair that tours may join, shape (n_pairs,).
-        bound: Length, a lower bound of the tours of these pairs.
-        reduced: Reduced cost of each pair of places if it is as short as possible, shape (n, n).
-    """
-
-    x: FloatArray
-    bound: float
-    reduced: FloatArray
-
-
-class _Problem:
-    """Pairs of places that a tour may join, with their lengths, and the sets that it must not separate."""
-
-    def __init__(self, least: FloatArray, length: Callable[[int, int], float]) -> None:
-        self._least, self._length = least, length
-        self._is_joined = np.eye(len(least), dtype=np.bool_)
-        self.first, self.second = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-        self.lengths = np.empty(0)
-        self._sets = np.empty((0, len(least)), dtype=np.bool_)
-
-    def join(self, pairs: IntArray) -> bool:
-        """Let tours join pairs of places (n, 2), and return whether any of them is new."""
-        pairs = np.unique(np.sort(pairs, axis=1), axis=0)
-        pairs = pairs[~self._is_joined[pairs[:, 0], pairs[:, 1]]]
-        self._is_joined[pairs[:, 0], pairs[:, 1]] = self._is_joined[pairs[:, 1], pairs[:, 0]] = True
-        self.first, self.second = np.append(self.first, pairs[:, 0]), np.append(self.second, pairs[:, 1])
-        self.lengths = np.append(self.lengths, [self._length(i, j) for i, j in pairs.tolist()])
-        return len(pairs) > 0
-
-    def _reduced(self, relaxed: _Relaxed) -> FloatArray:
-        """Return the reduced costs of the pairs that tours cannot join yet, infinite for the others, shape (n, n)."""
-        return np.where(self._is_joined, np.inf, relaxed.reduced)
-
-    def loss(self, relaxed: _Relaxed) -> float:
-        """Return by how much a tour of pairs that cannot be joined yet could at most be below the bound.
-
-        A tour has two pairs at each place, and each pair counts at two places.
-        """
-        two = np.partition(self._reduced(relaxed), 1, axis=1)[:, :2]
-        return 0.5 * float(np.maximum(-two, 0.0).sum())
-
-    def join_best(self, relaxed: _Relaxed, share: float) -> bool:
-        """Let tours join the pairs that promise most, unless `loss` is below a share of the bound; return whether."""
-        if self.loss(relaxed) <= max(share * relaxed.bound, TINY):
-            return False
-        reduced = np.triu(self._reduced(relaxed))
-        best = np.argsort(reduced, axis=None)[: len(reduced)]
-        pairs = np.column_stack(np.unravel_index(best, reduced.shape))
-        return self.join(pairs[reduced.ravel()[best] < -TINY])
-
-    def cut(self, x: FloatArray, thresholds: tuple[float, ...]) -> bool:
-        """Add the sets of places that a solution separates from the others, and return whether there are any.
-
-        Sets are the components of the graph of those pairs whose value exceeds a threshold.
-        """
-        n, separated = len(self._least), list[BoolArray]()
-        for threshold in thresholds:
-            used = x > threshold + TINY
-            graph = csr_array((np.ones(used.sum()), (self.first[used], self.second[used])), shape=(n, n))
-            n_sets, own = connected_components(graph, directed=False)
-            separated += [own == k for k in range(n_sets)] if n_sets > 1 else []
-        sets = np.unique(np.array(separated, dtype=np.bool_).reshape(-1, n), axis=0)
-        sets = sets[(sets[:, self.first] != sets[:, self.second]) @ x < 2.0 - 10 * TINY]
-        self._sets = np.concatenate([self._sets, sets])
-        return len(sets) > 0
-
-    @property
-    def _leaving(self) -> csr_array:
-        """Matrix that is 1 where a pair leaves a set, shape (n_sets, n_pairs)."""
-        return csr_array(self._sets[:, self.first] != self._sets[:, self.second], dtype=np.float64)
-
-    @property
-    def _degree(self) -> csr_array:
-        """Matrix that is 1 where a pair contains a place, shape (n, n_pairs)."""
-        pairs = np.arange(self.first.size)
-        place, pair = np.append(self.first, self.second), np.append(pairs, pairs)
-        return csr_array((np.ones(place.size), (place, pair)), shape=(len(self._least), pairs.size))
-
-    def rounded(self, x: FloatArray) -> list[int]:
-        """Return a tour that joins the pairs with the largest values, and then the nearest ends of the parts."""
-        n, (first, second) = len(self._least), np.triu_indices(len(self._least), 1)
-        value = np.zeros((n, n))
-        value[self.first, self.second] = value[self.second, self.first] = x
-        part, neighbours = np.arange(n), [list[int]() for _ in range(n)]
-        for k in np.lexsort((self._least[first, second], -value[first, second].round(6))).tolist():
-            i, j = int(first[k]), int(second[k])
-            if part[i] != part[j] and len(neighbours[i]) < 2 and len(neighbours[j]) < 2:
-                part[part == part[j]] = part[i]
-                neighbours[i].append(j)
-                neighbours[j].append(i)
-        order = [next(k for k in range(n) if len(neighbours[k]) == 1)]
-        while len(order) < n:
-            order.append(next(k for k in neighbours[order[-1]] if k not in order[-2:]))
         return order
+    rng, longest = np.random.default_rng(0), min(LONGEST_KICK, (n - 2) // 2)
+    kicks = np.column_stack([rng.integers(n, size=N_KICKS), rng.integers(1, longest + 1, (N_KICKS, 2))])
+    return _improve(order, lengths, near, kicks)
 
-    def relax(self) -> _Relaxed:
-        """Solve the problem with fractions of pairs."""
-        n_sets = len(self._sets)
-        cuts = {"A_ub": -self._leaving, "b_ub": np.full(n_sets, -2.0)} if n_sets else {}
-        twice = np.full(len(self._least), 2.0)
-        solution = linprog(self.lengths, A_eq=self._degree, b_eq=twice, bounds=(0.0, 1.0), **cuts)
-        of_place, of_set = solution.eqlin.marginals, -solution.ineqlin.marginals
-        inside = self._sets.astype(np.float64)
-        price = of_place + of_set @ inside
-        both = inside.T @ (of_set[:, np.newaxis] * inside)
-        return _Relaxed(solution.x, solution.fun, self._least - price[:, np.newaxis] - price + 2.0 * both)
 
-    def solve(self) -> FloatArray:
-        """Solve the problem with whole pairs."""
-        constraints = [LinearConstraint(self._degree, 2.0, 2.0)]
-        if len(self._sets):
-            constraints.append(LinearConstraint(self._leaving, 2.0))
-        options = {"mip_rel_gap": GAP, "node_limit": NODE_LIMIT}
-        solution = milp(self.lengths, integrality=1, bounds=Bounds(0.0, 1.0), constraints=constraints, options=options)
-        if solution.x is None:
-            raise RuntimeError(f"no tour was found: {solution.message}")
-        return np.round(solution.x)
+@compiled
+def _improve(order: IntArray, lengths: FloatArray, near: IntArray, kicks: IntArray) -> IntArray:
+    """Shorten a tour, also after each of some swaps of two parts: position before the first, and both sizes."""
+    n = order.size
+    tour, position, is_open = order.copy(), np.empty(n, np.int64), np.ones(n, np.bool_)
+    for k in range(n):
+        position[tour[k]] = k
+    _descend(tour, position, is_open, lengths, near)
+    best = tour.copy()
+    for at, first, second in kicks:
+        a, b = tour[at], tour[(at + 1) % n]
+        c, d = tour[(at + first) % n], tour[(at + first + 1) % n]
+        e, f = tour[(at + first + second) % n], tour[(at + first + second + 1) % n]
+        change = lengths[a, d] + lengths[e, b] + lengths[c, f] - lengths[a, b] - lengths[c, d] - lengths[e, f]
+        _move(tour, position, at + 1, first, second, False)
+        for place in (a, b, c, d, e, f):
+            is_open[place] = True
+        change += _descend(tour, position, is_open, lengths, near)
+        if change < -TINY:
+            best[:] = tour
+        else:
+            tour[:] = best
+            for k in range(n):
+                position[tour[k]] = k
+    return best
+
+
+@compiled_inner
+def _descend(tour: IntArray, position: IntArray, is_open: IntArray, lengths: FloatArray, near: IntArray) -> float:
+    """Shorten a tour from its open places until none is open, and return the change of its length."""
+    total, is_shorter = 0.0, True
+    while is_shorter:
+        is_shorter = False
+        for place in range(tour.size):
+            while is_open[place]:
+                change = _reversal(tour, position, is_open, lengths, near, place)
+                if change == 0.0:
+                    change = _relocation(tour, position, is_open, lengths, near, place)
+                is_open[place] = change < 0.0
+                is_shorter |= change < 0.0
+                total += change
+    return total
+
+
+@compiled_inner
+def _reversal(
+    tour: IntArray, position: IntArray, is_open: IntArray, lengths: FloatArray, near: IntArray, a: int
+) -> float:
+    """Reverse a part of the tour so that a place gets a nearer neighbour; return the change of length, 0 if none."""
+    n = tour.size
+    for step in (1, -1):
+        b = tour[(position[a] + step) % n]
+        for c in near[a]:
+            if lengths[a, c] >= lengths[a, b]:
+                break
+            d = tour[(position[c] + step) % n]
+            change = lengths[a, c] + lengths[b, d] - lengths[a, b] - lengths[c, d]
+            if change < -TINY and c != b and d != a:
+                begin, last = (position[b], position[c]) if step == 1 else (position[a], position[d])
+                _reverse(tour, position, begin, (last - begin) % n + 1)
+                is_open[a] = is_open[b] = is_open[c] = is_open[d] = True
+                return change
+    return 0.0
+
+
+@compiled_inner
+def _relocation(
+    tour: IntArray, position: IntArray, is_open: IntArray, lengths: FloatArray, near: IntArray, a: int
+) -> float:
+    """Move a part of the tour that ends in a place next to a nearer one; return the change of length, 0 if none."""
+    n = tour.size
+    for size in range(1, min(LONGEST_PART, n - 3) + 1):
+        for step in (1, -1):  # the part extends from the place along or against the tour
+            z = tour[(position[a] + step * (size - 1)) % n]
+            before, after = tour[(position[a] - step) % n], tour[(position[z] + step) % n]
+            gain = lengths[before, a] + lengths[z, after] - lengths[before, after]
+            for c in near[a]:
+                if lengths[a, c] >= gain:
+                    break
+                offset = (position[c] - position[a]) * step % n
+                if offset < size:
+                    continue
+                for side in (1, -1):  # between c and the place on either side of it
+                    d = tour[(position[c] + side * step) % n]
+                    change = lengths[a, c] + lengths[z, d] - lengths[c, d] - gain
+                    if change < -TINY and (position[d] - position[a]) * step % n >= size:
+                        first = position[a] if step == 1 else position[z]
+                        is_reversed = side == -1
+                        end = c if side == step else d  # the part follows this place
+                        _move(tour, position, first, size, (position[end] - first - size + 1) % n, is_reversed)
+                        for place in (a, z, before, after, c, d):
+                            is_open[place] = True
+                        return change
+    return 0.0
+
+
+@compiled_inner
+def _reverse(tour: IntArray, position: IntArray, begin: int, size: int) -> None:
+    """Reverse the part of a tour that begins at a position, or the rest of the tour if that is shorter."""
+    n = tour.size
+    if 2 * size > n:
+        begin, size = begin + size, n - size
+    for k in range(size // 2):
+        i, j = (begin + k) % n, (begin + size - 1 - k) % n
+        tour[i], tour[j] = tour[j], tour[i]
+        position[tour[i]], position[tour[j]] = i, j
+
+
+@compiled_inner
+def _move(tour: IntArray, position: IntArray, begin: int, size: int, over: int, is_reversed: bool) -> None:  # noqa: FBT001
+    """Move the part of a tour that begins at a position behind the next `over` places, reversed or not."""
+    n = tour.size
+    part = np.empty(size, np.int64)
+    for k in range(size):
+        part[size - 1 - k if is_reversed else k] = tour[(begin + k) % n]
+    for k in range(over + size):
+        at = (begin + k) % n
+        tour[at] = tour[(begin + k + size) % n] if k < over else part[k - over]
+        position[tour[at]] = at
+
+
+def tour_bound(lengths: FloatArray, longest: float) -> float:
+    r"""Return a lower bound of the length of all closed tours past n places.
+
+    For any prices :math:`\pi_i`, a shortest 1-tree with lengths :math:`d_{ij} + \pi_i + \pi_j` is not longer than a
+    shortest tour, less :math:`2 \sum_i \pi_i`: each tour is a 1-tree. The prices ascend along the subgradient, which is
+    the degree of each place in the tree less two.
+
+    Args:
+        lengths: Lower bounds of the path lengths between the places, symmetric, shape (n, n).
+        longest: Length of any tour.
+
+    References:
+        Held and Karp 1971.
+    """
+    n = len(lengths)
+    return _ascend(lengths, longest) if n > 3 else float(sum(lengths[k, k - 1] for k in range(n)))
+
+
+@compiled
+def _ascend(lengths: FloatArray, longest: float) -> float:
+    n = len(lengths)
+    price, last, best, scale, n_worse = np.zeros(n), np.zeros(n), 0.0, 1.0, 0
+    for _ in range(N_ASCENTS):
+        bound, excess = _one_tree(lengths, price)
+        if bound > best + 1e-4 * longest * scale:
+            n_worse = 0
+        else:
+            n_worse += 1
+        best = max(best, bound)
+        squares = (excess * excess).sum()
+        if squares == 0.0:
+            break  # the tree is a tour
+        if n_worse == 8:
+            scale, n_worse = 0.7 * scale, 0
+        direction = 0.7 * excess + 0.3 * last
+        price += scale * max(longest - bound, 1e-3 * longest) / squares * direction
+        last = direction
+    return best
+
+
+@compiled_inner
+def _one_tree(lengths: FloatArray, price: FloatArray) -> tuple[float, FloatArray]:
+    """Return the length of the shortest 1-tree less twice the prices, and the degree of each place less two.
+
+    A 1-tree is a tree that spans all places but the first, which is joined to two of the others.
+    """
+    n = len(lengths)
+    excess, joined, away = np.full(n, -2.0), np.zeros(n, np.int64), np.full(n, np.inf)
+    is_inside = np.zeros(n, np.bool_)
+    total, new = -2.0 * price.sum(), 1
+    for _ in range(n - 2):
+        is_inside[new] = True
+        nearest = -1
+        for k in range(1, n):
+            if not is_inside[k]:
+                length = lengths[new, k] + price[new] + price[k]
+                if length < away[k]:
+                    away[k], joined[k] = length, new
+                if nearest < 0 or away[k] < away[nearest]:
+                    nearest = k
+        total += away[nearest]
+        excess[nearest] += 1.0
+        excess[joined[nearest]] += 1.0
+        new = nearest
+    two = np.argsort(lengths[0, 1:] + price[1:])[:2] + 1
+    for k in two:
+        total += lengths[0, k] + price[0] + price[k]
+        excess[k] += 1.0
+    excess[0] = 0.0
+    return total, excess

@@ -1,7 +1,8 @@
-"""Tours: the shortest closed path past some stops, and stops that can be removed or moved to shorten it."""
+"""Tours: a short closed path past some stops, and stops that can be removed or moved to shorten it."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,13 +15,19 @@ from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.cover import TINY_RAD, coverage_of
 from pdpatrol.missions.planning.detectability import Detectability
 from pdpatrol.missions.planning.paths import LocalPaths
-from pdpatrol.missions.planning.shortest_order import short_order, shortest_order
+from pdpatrol.missions.planning.shortest_order import shortest_order, tour_bound
 
 MIN_GAIN_M = 0.5
 """Smallest reduction of the tour length that justifies moving a stop. Assumed; less than a second of driving."""
 
 MOST_SHIFT_M = 3.0
 """Largest distance along x and along y by which a stop is moved at a time. Assumed; it may be moved again."""
+
+N_NEAREST = 10
+"""Number of nearest stops to which the path from each stop is computed before it may become part of a tour."""
+
+Leg = tuple[int, int]
+"""First and last cell of a part of a tour without stops in between."""
 
 
 class Tour(NamedTuple):
@@ -30,13 +37,11 @@ class Tour(NamedTuple):
         stops: Cells of the stops in order, without the dock, shape (n_stops,).
         cells: All cells on the path, shape (n,); the dock's cell is the first and the last.
         length_m: Length of the path.
-        bound_m: Lower bound of the length of all tours past these stops.
     """
 
     stops: IntArray
     cells: IntArray
     length_m: float
-    bound_m: float
 
 
 class ShortestTours:
@@ -55,30 +60,59 @@ class ShortestTours:
         self.paths = LocalPaths(site_map)
         self._centres_m = site_map.centres_m
 
-    def in_order(self, stops: Sequence[int], bound_m: float = 0.0) -> Tour:
+    def legs(self, stops: Sequence[int]) -> list[Leg]:
+        """Return the legs of the tour past the stops in the given order."""
+        return list(pairwise((self.dock, *stops, self.dock)))
+
+    def length_m(self, stops: Sequence[int]) -> float:
+        """Return the length of the tour past the stops in the given order."""
+        return sum(self.paths.length_m(*leg) for leg in self.legs(stops))
+
+    def in_order(self, stops: Sequence[int]) -> Tour:
         """Return the tour past the stops in the given order."""
-        legs = list(pairwise((self.dock, *stops, self.dock)))
-        cells = [self.paths.path(*leg)[1:] for leg in legs]
-        length_m = sum(self.paths.length_m(*leg) for leg in legs)
-        return Tour(np.array(stops, dtype=np.intp), np.concatenate([[self.dock], *cells]), length_m, bound_m)
+        cells = [self.paths.path(*leg)[1:] for leg in self.legs(stops)]
+        path = np.concatenate([[self.dock], *cells]) if len(stops) > 0 else np.array([self.dock])
+        return Tour(np.array(stops, dtype=np.intp), path, self.length_m(stops))
 
-    def _direct_m(self, cells: Sequence[int]) -> FloatArray:
-        """Return the distances between cells as the crow flies, shape (n, n)."""
+    def shortest(self, stops: Sequence[int]) -> list[int]:
+        """Return the stops in the order of a short tour past them, not longer than that in the given order.
+
+        Up to a dozen stops, it is the shortest one. In its direction, the first stop has the smaller number.
+        """
+        cells, order = [self.dock, *stops], np.arange(len(stops) + 1)
+        lengths_m, near = self._lengths_m(cells)
+        least_m = np.inf
+        while least_m > (length_m := self._fill(lengths_m, cells, order)):
+            least_m, best = length_m, order
+            order = shortest_order(order, lengths_m, near)
+        found = [cells[k] for k in np.roll(best, -best.tolist().index(0))[1:]]
+        return found if found[:1] <= found[-1:] else found[::-1]
+
+    def bound_m(self, tour: Tour) -> float:
+        """Return a lower bound of the lengths of all tours past the stops of a tour."""
+        return tour_bound(self._lengths_m([self.dock, *tour.stops.tolist()])[0], tour.length_m)
+
+    def _lengths_m(self, cells: Sequence[int]) -> tuple[FloatArray, IntArray]:
+        """Return lower bounds of the path lengths between cells (n, n), and indices of the nearest cells to each.
+
+        The paths to the nearest cells have their true lengths.
+        """
         places_m = self._centres_m[cells]
-        return np.linalg.norm(places_m[:, np.newaxis] - places_m, axis=-1)
+        lengths_m = np.linalg.norm(places_m[:, np.newaxis] - places_m, axis=-1)
+        near = np.argsort(lengths_m, axis=1, kind="stable")[:, 1 : N_NEAREST + 1]
+        pairs = zip(np.repeat(np.arange(len(cells)), near.shape[1]).tolist(), near.ravel().tolist(), strict=True)
+        for i, j in pairs:
+            lengths_m[i, j] = lengths_m[j, i] = self.paths.length_m(cells[i], cells[j])
+        by_length = np.argsort(np.take_along_axis(lengths_m, near, axis=1), axis=1, kind="stable")
+        return lengths_m, np.take_along_axis(near, by_length, axis=1)
 
-    def short(self, stops: Sequence[int]) -> Tour:
-        """Return a short tour past all stops, in an order that ignores obstacles."""
-        cells = np.array([self.dock, *stops])
-        order = np.array(short_order(self._direct_m(cells.tolist())))
-        return self.in_order(cells[np.roll(order, -order.tolist().index(0))][1:].tolist())
-
-    def shortest(self, stops: Sequence[int]) -> Tour:
-        """Return the shortest tour past all stops, in the direction in which the first stop has the smaller number."""
-        cells = [self.dock, *stops]
-        found = shortest_order(self._direct_m(cells), lambda i, j: self.paths.length_m(cells[i], cells[j]))
-        order = [cells[k] for k in found.order[1:]]
-        return self.in_order(order if order[:1] <= order[-1:] else order[::-1], found.bound)
+    def _fill(self, lengths_m: FloatArray, cells: Sequence[int], order: IntArray) -> float:
+        """Enter the path lengths between cells in the given order, and return the length of that tour."""
+        total_m = 0.0
+        for i, j in pairwise((*order.tolist(), order[0])):
+            lengths_m[i, j] = lengths_m[j, i] = self.paths.length_m(cells[i], cells[j])
+            total_m += lengths_m[i, j]
+        return total_m
 
 
 class TourShortener:
@@ -105,114 +139,119 @@ class TourShortener:
         self._progress = progress
         pairs = np.ones(detectability.column.size, dtype=np.bool_), detectability.column, detectability.first
         self._targets_of = csr_array(pairs, shape=(detectability.first.size - 1, detectability.cells.size)).tocsc()
+        self._stops = list[int]()  # of the present tour
         self._n_passes = np.zeros(detectability.cells.size, dtype=np.intp)  # of the present tour over each cell
-        self._settled = set[tuple[int, ...]]()  # stops with their neighbours for which no move helped
 
-    def shorten(self, tour: Tour) -> Tour:
-        """Return a short tour, of which no stop can be removed.
+    def shorten(self, stops: Sequence[int]) -> list[int]:
+        """Return the stops of a short tour, in the best order, of which no stop can be removed.
 
         Args:
-            tour: A tour that covers all targets as required.
+            stops: Stops of a tour that covers all targets as required, in the best order.
         """
-        while True:
-            self._n_passes[:] = 0
-            stops = [self._tours.dock, *tour.stops.tolist(), self._tours.dock]
-            for leg in pairwise(stops):
-                self._pass(leg)
-            self._remove_needless_stops(stops)
-            self._move_stops(stops)
-            changed = self._tours.in_order(stops[1:-1], tour.bound_m)
-            shortest = self._tours.shortest(stops[1:-1])
-            is_better = shortest.length_m < changed.length_m and self._covers_all(shortest)
-            best = shortest if is_better else changed._replace(bound_m=shortest.bound_m)
-            if best.length_m >= tour.length_m - MIN_GAIN_M and set(best.stops.tolist()) == set(tour.stops.tolist()):
-                return tour._replace(bound_m=best.bound_m)
-            tour = best
+        self._stops = list(stops)
+        self._n_passes[:] = 0
+        self._pass(self._tours.legs(self._stops))
+        self._remove_needless_stops()
+        while self._move_stops():
+            self._remove_needless_stops()
+        return self._stops
 
-    def _covers_all(self, tour: Tour) -> bool:
-        is_seen = np.zeros(self._n_passes.size, dtype=np.bool_)
-        is_seen[self._detectability.columns(tour.cells)] = True
-        return bool(self._is_covered(is_seen, np.arange(len(self._required))).all())
-
-    def _is_covered(self, is_seen: BoolArray, targets: IntArray) -> BoolArray:
-        """Return which of some targets, given by index, are covered as required."""
-        offered = coverage_of(self._detectability, is_seen, targets)
+    def _is_covered(self, targets: IntArray) -> BoolArray:
+        """Return which of some targets, given by index, the present tour covers as required."""
+        offered = coverage_of(self._detectability, self._n_passes > 0, targets)
         return np.asarray((offered >= self._required[targets] - TINY_RAD).all(axis=1))
 
-    def _pass(self, *legs: tuple[int, int], times: int = 1) -> IntArray:
-        """Add legs to the present tour, or take them out with `times=-1`, and return their columns."""
-        columns = self._detectability.columns(np.concatenate([self._tours.paths.path(*leg) for leg in legs]))
-        np.add.at(self._n_passes, columns, times)
-        return columns
+    def _columns(self, legs: Sequence[Leg]) -> IntArray:
+        if not legs:
+            return np.empty(0, dtype=np.intp)
+        return self._detectability.columns(np.concatenate([self._tours.paths.path(*leg) for leg in legs]))
 
-    def _replace(self, old: Sequence[tuple[int, int]], new: Sequence[tuple[int, int]], targets: IntArray) -> bool:
-        """Replace legs of the present tour if it still covers some targets, and return whether it does."""
-        self._pass(*old, times=-1)
-        self._pass(*new)
-        if self._is_covered(self._n_passes > 0, targets).all():
-            return True
-        self._pass(*new, times=-1)
-        self._pass(*old)
-        return False
+    def _pass(self, legs: Sequence[Leg], times: int = 1) -> None:
+        """Add legs to the present tour, or take them out with `times=-1`."""
+        np.add.at(self._n_passes, self._columns(legs), times)
 
-    def _seen_from(self, legs: Sequence[tuple[int, int]]) -> IntArray:
+    def _seen_from(self, legs: Sequence[Leg]) -> IntArray:
         """Return the indices of the targets that are detectable from legs."""
-        columns = self._detectability.columns(np.concatenate([self._tours.paths.path(*leg) for leg in legs]))
-        return np.unique(self._targets_of[:, np.unique(columns)].indices)
+        return np.unique(self._targets_of[:, np.unique(self._columns(legs))].indices)
 
-    def _remove_needless_stops(self, stops: list[int]) -> None:
-        """Remove stops, those first without which the tour is shortest, until each is needed in the present order."""
-        length_m, needed = self._tours.paths.length_m, set[tuple[int, ...]]()
-        while True:
-            self._progress(len(stops) - 2)
-            around = [tuple(stops[k - 1 : k + 2]) for k in range(1, len(stops) - 1)]
-            tried = [
-                (length_m(before, after) - length_m(before, here) - length_m(here, after), here)
-                for before, here, after in around
-                if (before, here, after) not in needed
-            ]
-            n_stops = len(stops)
-            for _, here in sorted(tried):
-                k = stops.index(here, 1)
-                before, _, after = stops[k - 1 : k + 2]
-                old = ((before, here), (here, after))
-                if self._replace(old, [(before, after)], self._seen_from(old)):
-                    del stops[k]
-                else:
-                    needed.add((before, here, after))
-            if len(stops) == n_stops:
-                return
+    def _covers(self, old: Sequence[Leg], new: Sequence[Leg], targets: IntArray) -> bool:
+        """Return whether the present tour would cover some targets with other legs."""
+        self._pass(old, times=-1)
+        self._pass(new)
+        is_covered = bool(self._is_covered(targets).all())
+        self._pass(new, times=-1)
+        self._pass(old)
+        return is_covered
 
-    def _move_stops(self, stops: list[int]) -> None:
-        """Move stops to places from which the tour is shorter, each at most once."""
-        for here in stops[1:-1]:
-            k = stops.index(here, 1)
-            around = tuple(stops[k - 1 : k + 2])
-            if around not in self._settled:
-                place = self._better_place(*around, taken=stops)
-                if place is None:
-                    self._settled.add(around)
-                else:
-                    stops[k] = place
+    def _change(self, stops: list[int]) -> bool:
+        """Make a tour the present one if it covers all targets, and return whether it does."""
+        now, then = (Counter(tuple(sorted(leg)) for leg in self._tours.legs(each)) for each in (self._stops, stops))
+        old, new = list((now - then).elements()), list((then - now).elements())
+        if not self._covers(old, new, self._seen_from(old)):
+            return False
+        self._pass(old, times=-1)
+        self._pass(new)
+        self._stops = stops
+        return True
 
-    def _better_place(self, before: int, here: int, after: int, taken: Sequence[int]) -> int | None:
-        """Move the present tour from a stop to a better place nearby and return this place; None if there is none."""
-        paths, old = self._tours.paths, ((before, here), (here, after))
+    def _around(self, k: int) -> tuple[int, int, int]:
+        """Return stop k with the stops or docks before and after it."""
+        around = (self._tours.dock, *self._stops[max(k - 1, 0) : k + 2], self._tours.dock)
+        return around[0 if k == 0 else 1 :][:3]
+
+    def _remove_needless_stops(self) -> None:
+        """Remove stops until the best tour past all others would not cover every target."""
+        needed = set[tuple[int, int, int]]()
+        while self._remove_a_stop(needed):
+            self._progress(len(self._stops))
+
+    def _remove_a_stop(self, needed: set[tuple[int, int, int]]) -> bool:
+        """Remove the most promising stop: the one without which the tour, still covering all targets, is shortest.
+
+        Args:
+            needed: Stops, with those around them, that the present tour needs; more are added.
+        """
+        length_m, gains_m = self._tours.paths.length_m, list[float]()
+        for before, here, after in map(self._around, range(len(self._stops))):
+            gains_m.append(length_m(before, here) + length_m(here, after) - length_m(before, after))
+        by_gain = np.argsort(-np.array(gains_m), kind="stable").tolist()
+        for k in by_gain:
+            before, here, after = around = self._around(k)
+            old = [(before, here), (here, after)]
+            if around not in needed and self._covers(old, [(before, after)], self._seen_from(old)):
+                if self._change(self._tours.shortest(self._stops[:k] + self._stops[k + 1 :])):
+                    return True
+            needed.add(around)
+        return any(self._change(self._tours.shortest(self._stops[:k] + self._stops[k + 1 :])) for k in by_gain)
+
+    def _move_stops(self) -> bool:
+        """Move stops to places with which the best tour is shorter, each at most once, and return whether it is."""
+        length_m = self._tours.length_m(self._stops)
+        for stop in list(self._stops):
+            if stop in self._stops:
+                self._move(self._stops.index(stop))
+        return self._tours.length_m(self._stops) < length_m
+
+    def _move(self, k: int) -> None:
+        """Move stop k to a place nearby, if one makes the tour shorter."""
+        before, here, after = self._around(k)
+        old, length_m = [(before, here), (here, after)], self._tours.length_m(self._stops)
+        seen = self._seen_from(old)
+        self._pass(old, times=-1)
+        lacking = seen[~self._is_covered(seen)]
+        self._pass(old)
+        for cell in self._better_places(before, here, after):
+            if cell not in self._stops and self._covers(old, [(before, cell), (cell, after)], lacking):
+                moved = self._tours.shortest([*self._stops[:k], cell, *self._stops[k + 1 :]])
+                if self._tours.length_m(moved) < length_m - MIN_GAIN_M and self._change(moved):
+                    return
+
+    def _better_places(self, before: int, here: int, after: int) -> list[int]:
+        """Return the places around a stop with a shorter detour, the shortest first."""
         offset_m = self._stops_m - self._detectability.places_m[self._detectability.columns(np.array(here))]
         cells = self._stop_cells[np.abs(offset_m).max(axis=1) <= MOST_SHIFT_M]
         detour_m = np.zeros(cells.size + 1)
         for end in (before, after):
-            detour_m += paths.reach_to(end, here).costs_m(np.append(cells, here))
+            detour_m += self._tours.paths.reach_to(end, here).costs_m(np.append(cells, here))
         is_better = detour_m[:-1] < detour_m[-1] - MIN_GAIN_M
-        better = cells[is_better][np.argsort(detour_m[:-1][is_better], kind="stable")]
-        length_m = sum(paths.length_m(*leg) for leg in old)
-        seen = self._seen_from(old)
-        self._pass(*old, times=-1)
-        lacking = seen[~self._is_covered(self._n_passes > 0, seen)]
-        self._pass(*old)
-        for cell in better.tolist():
-            new = ((before, cell), (cell, after))
-            is_shorter = cell not in taken and sum(paths.length_m(*leg) for leg in new) < length_m - MIN_GAIN_M
-            if is_shorter and self._replace(old, new, lacking):
-                return cell
-        return None
+        return cells[is_better][np.argsort(detour_m[:-1][is_better], kind="stable")].tolist()
