@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from dirmusic.angles import aperture, difference, wrap
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.missions.planning.detectability import Detectability
 
 GAP = 0.25
@@ -46,30 +47,32 @@ def coverage_of(detectability: Detectability, is_seen: BoolArray, targets: IntAr
         for lines of sight, whose two directions are equivalent, so at most 90 degrees; number of cells that detect the
         target.
     """
-    first, last = detectability.first[targets], detectability.first[targets + 1]
-    row, n_pairs = np.repeat(np.arange(first.size), last - first), last - first
-    pair = np.arange(row.size) + np.repeat(first - np.cumsum(n_pairs) + n_pairs, n_pairs)
-    seen = is_seen[detectability.column[pair]]
-    row, aspect_rad = row[seen], detectability.aspect_rad[pair[seen]]
-    crossing_rad = np.minimum(0.5 * _apertures(row, 2.0 * aspect_rad, first.size), 0.5 * np.pi)
-    n_cells = np.bincount(row, minlength=first.size).astype(np.float64)
-    return np.column_stack([_apertures(row, aspect_rad, first.size), crossing_rad, n_cells])
+    return _coverage(detectability.first, detectability.column, detectability.aspect_rad, is_seen, targets)
 
 
-def _apertures(row: IntArray, angle_rad: FloatArray, n_rows: int) -> FloatArray:
-    """Return the aperture of the angles of each row, shape (n_rows,), 0 for less than two; see `angles.aperture`."""
-    apertures = np.zeros(n_rows)
-    if row.size == 0:
-        return apertures
-    angle = wrap(angle_rad)
-    order = np.lexsort((angle, row))
-    row, angle = row[order], angle[order]
-    begin = np.flatnonzero(np.append(True, np.diff(row) > 0))
-    end = np.append(begin[1:], row.size) - 1
-    gap = np.append(np.diff(angle), 0.0)
-    gap[end] = angle[begin] + 2 * np.pi - angle[end]
-    apertures[row[begin]] = 2 * np.pi - np.maximum.reduceat(gap, begin)
-    return apertures
+@compiled
+def _coverage(
+    first: IntArray, column: IntArray, aspect_rad: FloatArray, is_seen: BoolArray, targets: IntArray
+) -> FloatArray:
+    """Return the coverage of targets from their pairs, which are sorted by aspect."""
+    covered = np.zeros((targets.size, 3))
+    for row, target in enumerate(targets):
+        pairs = np.arange(first[target], first[target + 1])
+        seen_rad = aspect_rad[pairs[is_seen[column[pairs]]]]
+        covered[row, 0] = _spread(seen_rad)
+        covered[row, 1] = min(0.5 * _spread(np.sort(np.mod(2.0 * seen_rad, 2.0 * np.pi))), 0.5 * np.pi)
+        covered[row, 2] = seen_rad.size
+    return covered
+
+
+@compiled_inner
+def _spread(ascending_rad: FloatArray) -> float:
+    """Return the aperture of ascending angles, 0 for less than two; see `angles.aperture`."""
+    n = ascending_rad.size
+    widest_rad = 2.0 * np.pi - (ascending_rad[n - 1] - ascending_rad[0]) if n > 0 else 2.0 * np.pi
+    for k in range(n - 1):
+        widest_rad = max(widest_rad, ascending_rad[k + 1] - ascending_rad[k])
+    return 2.0 * np.pi - widest_rad
 
 
 def candidates(detectability: Detectability, clearance_m: FloatArray, required_rad: FloatArray) -> IntArray:

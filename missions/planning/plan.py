@@ -151,7 +151,7 @@ def make_plan(
     widest_rad = coverage(detectability, detectability.cells)[:, 0]
     required_rad = np.minimum(widest_rad, scenario.locating.rules().planned_aperture_rad)
     columns = cover(detectability, candidates(detectability, clearance_m, required_rad), required_rad)
-    tours = ShortestTours(site_map)
+    tours, speed_mps = ShortestTours(site_map), scenario.robot.description.max_speed_mps
     longer = tours.in_order(tours.shortest(detectability.cells[columns].tolist()))
     offered = coverage(detectability, longer.cells)
     required = np.column_stack([required_rad, np.minimum(offered[:, 1:], [CROSSING_RAD, MIN_CELLS])])
@@ -161,7 +161,7 @@ def make_plan(
     def report(n_left: int) -> None:
         progress(f"tour of {n_left} stops", 0.9 - 0.4 * n_left / max(columns.size, 1))
 
-    shortener = TourShortener(detectability, tours, required, is_stop, report)
+    shortener = TourShortener(detectability, tours, required, is_stop, HALT_S * speed_mps, report)
     tour = tours.in_order(shortener.shorten(longer.stops.tolist()))
     n_halts = tour.stops.size + 1 if tour.length_m > 0.0 else 0
     return Plan(
@@ -174,7 +174,7 @@ def make_plan(
         bound_m=tours.bound_m(tour),
         stops_m=site_map.centres_m[tour.stops],
         path_m=site_map.centres_m[tour.cells],
-        driving_s=tour.length_m / scenario.robot.description.max_speed_mps + HALT_S * n_halts,
+        driving_s=tour.length_m / speed_mps + HALT_S * n_halts,
     )
 
 

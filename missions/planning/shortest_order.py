@@ -7,9 +7,12 @@ import numpy as np
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
 
-N_KICKS = 500
-"""Number of changes at random after which a tour is improved again. Assumed; up to thirty places, more find no shorter
-tour."""
+MOST_KICKS = 500
+"""Largest number of changes at random after which a tour is improved again. Assumed; up to thirty places, more find no
+shorter tour."""
+
+KICKS_EACH = 20
+"""The same for each place of the tour. Assumed; up to a dozen places, the shortest tour is found with less."""
 
 LONGEST_PART = 3
 """Largest number of places that are moved together; see Or 1976."""
@@ -43,7 +46,8 @@ def shortest_order(order: IntArray, lengths: FloatArray, near: IntArray) -> IntA
     if n <= 3:
         return order
     rng, longest = np.random.default_rng(0), min(LONGEST_KICK, (n - 2) // 2)
-    kicks = np.column_stack([rng.integers(n, size=N_KICKS), rng.integers(1, longest + 1, (N_KICKS, 2))])
+    n_kicks = min(KICKS_EACH * n, MOST_KICKS)
+    kicks = np.column_stack([rng.integers(n, size=n_kicks), rng.integers(1, longest + 1, (n_kicks, 2))])
     return _improve(order, lengths, near, kicks)
 
 
@@ -156,7 +160,7 @@ def _reverse(tour: IntArray, position: IntArray, begin: int, size: int) -> None:
 
 
 @compiled_inner
-def _move(tour: IntArray, position: IntArray, begin: int, size: int, over: int, is_reversed: bool) -> None:  # noqa: FBT001
+def _move(tour: IntArray, position: IntArray, begin: int, size: int, over: int, is_reversed: bool) -> None:
     """Move the part of a tour that begins at a position behind the next `over` places, reversed or not."""
     n = tour.size
     part = np.empty(size, np.int64)

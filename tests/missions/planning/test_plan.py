@@ -34,7 +34,7 @@ def aperture_of(plan: Plan, site_m: FloatArray, from_m: FloatArray) -> float | N
 
 
 def check(plan: Plan) -> None:
-    """Check that the tour detects every site that a reachable place detects, and that its bound is honest."""
+    """Check that the tour detects every site that a reachable place detects, and that no stop can be removed."""
     where, site_map = plan.detectability, plan.site_map
     for name, detection in zip(where.names, plan.detections(), strict=True):
         site_m = site_map.yard.site_position(name)
@@ -43,16 +43,13 @@ def check(plan: Plan) -> None:
         if widest_rad is not None:
             assert offered_rad is not None, name
             assert offered_rad >= min(NEEDED_RAD, widest_rad) - 1e-6, name
-    assert covers_enough(plan, plan.tour.cells)
-    assert plan.tour.bound_m <= plan.tour.length_m + 1e-6
-
-
-def check_stops_are_needed(plan: Plan) -> None:
-    """Check that no stop can be removed; other shortest paths of the same length could make one needless."""
-    tours, stops = ShortestTours(plan.site_map), plan.tour.stops.tolist()
+    tours, stops = ShortestTours(site_map), plan.tour.stops.tolist()
     for k in range(len(stops)):
-        rest = tours.in_order(stops[:k] + stops[k + 1 :])
+        rest = tours.in_order(tours.shortest(stops[:k] + stops[k + 1 :]))
         assert not covers_enough(plan, np.unique(rest.cells)), f"stop {k + 1} is needless"
+    assert covers_enough(plan, np.unique(tours.in_order(tours.shortest(stops)).cells))
+    assert covers_enough(plan, plan.tour.cells)
+    assert plan.bound_m <= plan.tour.length_m + 1e-6
 
 
 def covers_enough(plan: Plan, cells: IntArray) -> bool:
@@ -71,7 +68,6 @@ def pairs_of(where: Detectability) -> set[tuple[int, int]]:
 @pytest.mark.parametrize("name", YARDS)
 def test_tour_detects_every_detectable_site(name: str) -> None:
     check(plan_of(name))
-    check_stops_are_needed(plan_of(name))
 
 
 @pytest.mark.slow
@@ -145,12 +141,14 @@ def test_map_without_sites_is_patrolled_everywhere() -> None:
 
 @pytest.mark.slow
 def test_large_yard_is_covered_within_the_gap() -> None:
-    """Exact transmission confirms every covered site, and the stated bound is honest."""
+    """Exact transmission confirms every covered site, and a tour past the same stops is not shorter than the bound."""
     plan = make_plan(big_yard(120.0, 60))
     check(plan)
     assert len(plan.blind) <= 0.1 * len(plan.detectability.names)
     assert plan.gap <= 0.03
-    assert plan.tour.bound_m <= ShortestTours(plan.site_map).short(plan.tour.stops.tolist()).length_m
+    tours, rng = ShortestTours(plan.site_map), np.random.default_rng(0)
+    drawn = tours.shortest(rng.permutation(plan.tour.stops).tolist())
+    assert plan.bound_m <= tours.length_m(drawn) + 1e-6
 
 
 def test_yard_of_the_largest_size_can_be_described() -> None:
