@@ -91,6 +91,18 @@ def test_regions_in_free_field_cover_as_stated(dimensions: int) -> None:
     assert (n_inside <= high).all()
 
 
+@pytest.mark.whole
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_error_in_free_field_is_near_the_bound(dimensions: int) -> None:
+    """Over natures drawn by the priors, the root mean square error is at most 1.1 times that of the information."""
+    outcome = in_free_field()
+    square_m2 = np.square(outcome.miss_m[:, :dimensions]).sum(axis=-1)
+    bound_m2 = np.trace(outcome.covariance_m2[:, :dimensions, :dimensions], axis1=1, axis2=2)
+    over_bound = np.sqrt(np.mean(square_m2 / bound_m2))
+    print(f"\n{dimensions}-D: {over_bound:.3f} times the root of the bound with the same states")
+    assert over_bound <= 1.10
+
+
 MISMATCHES: dict[str, Callable[[np.random.Generator], Nature]] = {
     "wider 5 %": lambda rng: Nature(errors=drawn_errors(rng), widening=0.05),
     "narrower 5 %": lambda rng: Nature(errors=drawn_errors(rng), widening=-0.05),
