@@ -36,6 +36,7 @@ from dirmusic.locating.measurement import (
     NominalArray,
     PooledPulses,
     expand,
+    misfits,
 )
 from dirmusic.locating.protocol import PoseError
 
@@ -272,11 +273,10 @@ class JointFit:
         def cost(unexplained: float) -> float:
             """Return the negative log restricted likelihood of a level."""
             noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, unexplained)
-            data = self._source, self._probability, self._repeats, self._pulses, self._nominal, noise, ROBUST_SCALE
-            there = expand(optimum.state, *data)
-            loss = ROBUST_SCALE**2 * (np.sqrt(1.0 + there.misfit / ROBUST_SCALE**2) - 1.0)
+            misfit, log_det = misfits(optimum.state, self._source, self._pulses, self._nominal, noise)
+            loss = ROBUST_SCALE**2 * (np.sqrt(1.0 + misfit / ROBUST_SCALE**2) - 1.0)
             off = np.log(unexplained / UNEXPLAINED_PRIOR[0]) / UNEXPLAINED_PRIOR[1]
-            return float(weight @ (loss + 0.5 * left * there.log_det) + 0.5 * off**2)
+            return float(weight @ (loss + 0.5 * left * log_det) + 0.5 * off**2)
 
         trials = np.clip(levels.unexplained * UNEXPLAINED_STEPS, LEAST_UNEXPLAINED, MOST_UNEXPLAINED)
         return min(trials.tolist(), key=cost)

@@ -510,6 +510,23 @@ def expand(
 
 
 @compiled
+def misfits(
+    state: FloatArray, source: IntArray, pulses: PooledPulses, array: NominalArray, noise: Noise
+) -> tuple[FloatArray, FloatArray]:
+    """Compute `misfit` and `log_det` as in `CostExpansion`, without derivatives; arguments as in `expand`."""
+    n, n_elements = pulses.strengths.shape
+    errors = N_PLACE * (int(source.max()) + 1)
+    array_state, misfit, log_det = state[errors:], np.empty(n), np.empty(n)
+    predicted, no_slope = empty_prediction(n_elements, N_PLACE + array_state.size), np.empty((n_elements, 0))
+    model, residual, _, covariance = predicted
+    for k in range(n):
+        predict(k, state, N_PLACE * source[k], array_state, pulses, array, noise, predicted)
+        log_det[k] = whiten(Prediction(model, residual, no_slope, covariance))
+        misfit[k] = dot(residual, residual)
+    return misfit, log_det
+
+
+@compiled
 def compare(
     rows: IntArray,
     place_m: FloatArray,

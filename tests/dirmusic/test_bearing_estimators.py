@@ -58,6 +58,7 @@ def test_estimate_is_independent_of_other_pulses(name: str, n_elements: int) -> 
         assert [column[0] for column in single] == [column[row] for column in whole]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_order_of_channels_does_not_matter(name: str) -> None:
     """Renumbering the elements of array and pulses changes no direction, deviation or misfit."""

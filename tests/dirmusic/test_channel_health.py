@@ -88,6 +88,7 @@ def test_faults_do_not_depend_on_batch_size() -> None:
     assert monitor.good.tolist() == [True, False, True, True, True, True]
 
 
+@pytest.mark.whole
 def test_fault_in_long_survey_is_found() -> None:
     strengths, _ = draw_pulses(5, 40_000, 10, {})
     strengths[20_000:] = draw_pulses(5, 20_000, 10, {2: 0.5})[0]
@@ -132,6 +133,7 @@ def draw_turning(seed: int, scale: float, snr_db: float = 0.0) -> np.ndarray:
     return np.sqrt(np.maximum(rng.noncentral_chisquare(90, np.square(manifold.gain(azimuth).T) * rho(snr_db)) - 90, 0))
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("scale", [0.85, 1.15])
 def test_wrong_beam_width_is_not_a_faulty_channel(scale: float) -> None:
     """An error of the pattern that all elements share is not charged to a channel."""
@@ -147,6 +149,7 @@ def test_dead_channel_is_found_despite_wrong_beam_width(scale: float) -> None:
         assert watch(strengths) == [(channel, "dead")]
 
 
+@pytest.mark.whole
 def test_simultaneous_waves_are_not_a_faulty_channel() -> None:
     """A second wave from a fixed direction in most pulses is not charged to a channel."""
     for seed in range(12):

@@ -52,6 +52,7 @@ def run(tmp_path: Path):
     return run
 
 
+@pytest.mark.whole
 def test_cache_is_private_and_keeps_numba_settings(tmp_path: Path, run) -> None:  # noqa: ANN001
     assert run(SMALL, "-W", "error", XDG_CACHE_HOME=str(tmp_path / "cache")).stdout == "2.0 unset\n"
     (folder,) = (tmp_path / "cache" / "pdpatrol").iterdir()
@@ -62,6 +63,7 @@ def test_cache_is_private_and_keeps_numba_settings(tmp_path: Path, run) -> None:
     assert list(Path(chosen).rglob("*.nbi"))
 
 
+@pytest.mark.whole
 def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  # noqa: ANN001
     """Numba itself compares only the file of the called function."""
     code = "from dirmusic.caller import quadruple; print(quadruple(1.0))"
@@ -90,6 +92,7 @@ def test_old_versions_are_removed(tmp_path: Path, run) -> None:  # noqa: ANN001
     assert len(kept) == 4
 
 
+@pytest.mark.whole
 def test_cache_falls_back_to_temporary_folder_or_warning(tmp_path: Path, run) -> None:  # noqa: ANN001
     (tmp_path / "file").touch()
     denied = str(tmp_path / "file")

@@ -14,6 +14,7 @@ from pdpatrol.missions.runner import Mission, run_mission
 from pdpatrol.sensing.receiver.faults import ChannelFault
 
 
+@pytest.mark.whole
 def test_robot_without_route_stands_still() -> None:
     log = run_mission(load_scenario("paper_field"), "seek", seed=2)
     report = make_report(log, 1.0)
@@ -65,6 +66,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
     assert np.linalg.norm(most_likely_m - source.true_position_m[:2]) < 1.0
 
 
+@pytest.mark.whole
 def test_missions_are_deterministic() -> None:
     scenario = limited("two_sources", 40.0)
     first, second = (run_mission(scenario, seed=5) for _ in range(2))
@@ -81,6 +83,7 @@ def scenario_without_pulses(position_m: tuple[float, float, float]) -> Scenario:
     return scenario.model_copy(update={"sources": (source,)})
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("policy", BUILT_IN)
 def test_only_oracle_depends_on_the_truth(policy: str) -> None:
     paths = [
@@ -127,6 +130,7 @@ OPEN_YARD = {
 FREE_SOURCE = {"name": "pd", "position_m": (20.0, 9.0, 1.0)}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "changes",
     [
@@ -178,6 +182,7 @@ def test_finding_on_an_interferer_within_the_fence_is_false() -> None:
     assert np.linalg.norm(np.subtract(report.findings[0].position_m, place_m)[:2]) < 0.5
 
 
+@pytest.mark.whole
 def test_clipped_pulses_are_not_used_for_locating() -> None:
     clipping = load_scenario("one_source", {"task.time_limit_s": 30.0, "receiver.full_scale_v": 0.01})
     log = run_mission(clipping, "patrol", seed=0)
@@ -187,6 +192,7 @@ def test_clipped_pulses_are_not_used_for_locating() -> None:
     assert list(log.column("event", "kind")).count("clipped") == 1
 
 
+@pytest.mark.whole
 def test_mission_survives_a_dead_channel() -> None:
     dead = ChannelFault(channel=2, kind="dead", start_s=5.0)
     scenario = load_scenario("one_source", {"nature.receiver.faults": (dead,)})

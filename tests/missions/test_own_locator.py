@@ -60,6 +60,7 @@ def test_own_locator_makes_findings_and_association(tmp_path: Path) -> None:
     assert log.n_rows("association") == log.n_rows("bearing") > 20
 
 
+@pytest.mark.whole
 def test_subclass_of_locator_finds_the_same(tmp_path: Path) -> None:
     derived = "from dirmusic import Locator\n\n\nclass Mine(Locator):\n    pass\n"
     own, usual = (mission_log(tmp_path, derived, table) for table in ('locator = "mine.py:Mine"', ""))

@@ -4,6 +4,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,6 +33,7 @@ def test_log_is_read_back_as_written(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
+@pytest.mark.whole
 @settings(deadline=None, max_examples=40)
 @given(st.text(max_size=300), st.text(max_size=3000), st.text(max_size=100), st.integers(0, 9))
 def test_logged_texts_are_read_back_complete(phase: str, text: str, subject: str, number: int) -> None:

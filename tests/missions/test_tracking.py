@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
 from dirmusic.frame import FrameEstimate
@@ -89,6 +90,7 @@ def test_weak_and_clipped_pulses_are_not_used() -> None:
     np.testing.assert_array_equal(locator.given.std_rad, np.radians([24.0, 1.0]))
 
 
+@pytest.mark.whole
 def test_each_used_pulse_has_an_association() -> None:
     log = run_mission(load_scenario("two_sources", {"task.time_limit_s": 40.0}), seed=5)
     np.testing.assert_array_equal(log.column("association", "pulse"), log.column("bearing", "pulse"))

@@ -40,6 +40,7 @@ def test_probabilities_add_up_to_one() -> None:
     assert max(blunt.values()) < max(sharp.values())
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("displacement", "accuracy_m"), [("normal", 0.3), ("tails", 0.15), ("0.3 m", 0.15)])
 def test_probabilities_are_calibrated_with_displaced_pieces(displacement: str, accuracy_m: float) -> None:
     """Stated probabilities equal frequencies, and the place named first is right as often as the nearest site.

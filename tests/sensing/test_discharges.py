@@ -71,6 +71,7 @@ def test_source_starts_stops_and_drifts() -> None:
     np.testing.assert_allclose(20 * np.log10(peak_v / 0.5), 12.0 * time_s / 60.0)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("kind", NAMES)
 @pytest.mark.parametrize("rate_hz", [20.0, 60.0])
 def test_kind_is_recognised_in_nine_of_ten_defects(kind: KindName, rate_hz: float) -> None:

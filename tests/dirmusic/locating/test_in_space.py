@@ -30,6 +30,7 @@ def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = Non
     return locator
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("height_m", [1.8, 2.5, 3.8])
 def test_height_error_agrees_with_its_deviation(height_m: float) -> None:
     source_m, errors, sigmas = np.array([10.0, 10.0, height_m]), list[float](), list[float]()

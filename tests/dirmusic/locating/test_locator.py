@@ -94,6 +94,7 @@ def test_source_is_located_and_confirmed(seed: int) -> None:
     assert np.linalg.norm(finding.position_m[:2] - SOURCE_M[:2]) < 0.1
 
 
+@pytest.mark.whole
 def test_two_sources_have_a_finding_and_pulses_each() -> None:
     """Two sources 5 m apart are both confirmed, and pulses in line with one only belong to it."""
     locator, _ = located_two()
@@ -106,6 +107,7 @@ def test_two_sources_have_a_finding_and_pulses_each() -> None:
     assert (association > 0).mean() > 0.8
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "radius_m",
     [
@@ -119,6 +121,7 @@ def test_two_sources_are_told_apart_from_around_both(radius_m: float) -> None:
     assert len(confirmed(locator)) == 2
 
 
+@pytest.mark.whole
 def test_ids_are_kept_and_never_reused() -> None:
     """Ids are in order, and tracks that were deleted leave theirs to nobody; existence is high if confirmed."""
     _, of_two = located_two()
@@ -137,6 +140,7 @@ def test_ids_are_kept_and_never_reused() -> None:
         assert np.linalg.norm(np.ptp(own, axis=0)) < 0.5
 
 
+@pytest.mark.whole
 def test_same_pulses_give_the_same_findings() -> None:
     assert listen(past_two())[1] == located_two()[1]
 
@@ -207,6 +211,7 @@ def test_findings_follow_a_rigid_motion_of_the_world(turn_deg: float, tolerance_
         assert other.existence == pytest.approx(finding.existence, abs=0.01)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("origin_s", [-1000.0, 1.7e9])
 def test_origin_of_time_changes_nothing(origin_s: float) -> None:
     """All times of findings shift with the origin, and nothing else changes."""
@@ -223,6 +228,7 @@ def test_origin_of_time_changes_nothing(origin_s: float) -> None:
         assert finding.first_detected_s == pytest.approx(expected.first_detected_s + origin_s, abs=1e-5)
 
 
+@pytest.mark.whole
 def test_order_of_elements_does_not_matter() -> None:
     """Channels connected in another order, with the data sheet in that order, give the same findings."""
     order, permuted = np.array([3, 0, 5, 1, 4, 2]), Detections()
@@ -235,6 +241,7 @@ def test_order_of_elements_does_not_matter() -> None:
         np.testing.assert_allclose(finding.position_m, expected.position_m, atol=1e-3)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "change",
     [0.0, 0.2],

@@ -24,6 +24,7 @@ def located(seed: int, apart_m: float) -> tuple[FloatArray, list[Finding]]:
     return places_m, confirmed(locator)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("apart_m", [1.0, 1.5, 2.5])
 def test_sources_a_metre_and_more_apart_are_found_one_by_one(apart_m: float) -> None:
     n_right = 0
@@ -34,6 +35,7 @@ def test_sources_a_metre_and_more_apart_are_found_one_by_one(apart_m: float) -> 
     assert n_right >= N_CASES - 1
 
 
+@pytest.mark.whole
 def test_sources_half_a_metre_apart_are_possibly_two_or_found_one_by_one() -> None:
     """No finding is a confident point between both."""
     n_right = 0
@@ -47,6 +49,7 @@ def test_sources_half_a_metre_apart_are_possibly_two_or_found_one_by_one() -> No
     assert n_right >= N_CASES - 1
 
 
+@pytest.mark.whole
 def test_one_source_is_not_possibly_two() -> None:
     for seed in range(N_CASES):
         _, findings = located(seed, 0.0)

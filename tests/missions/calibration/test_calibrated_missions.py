@@ -65,6 +65,7 @@ def test_mission_without_findings_has_no_calibration() -> None:
     assert "calibration" not in run_mission(scenario(10, limit_s=2.0), seed=1010).meta
 
 
+@pytest.mark.whole
 def test_calibrated_missions_are_deterministic(first: MissionLog) -> None:
     calibrated = scenario(10, calibration_of(first), limit_s=60.0)
     logs = [run_mission(calibrated, seed=1010) for _ in range(2)]
@@ -75,6 +76,7 @@ def test_calibrated_missions_are_deterministic(first: MissionLog) -> None:
     assert make_report(logs[0], 0.0).calibration == ()
 
 
+@pytest.mark.whole
 def test_calibration_of_another_array_is_detected(first: MissionLog) -> None:
     wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=60.0)
     log = run_mission(wrong, seed=1010)

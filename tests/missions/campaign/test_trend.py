@@ -35,6 +35,7 @@ def at_place(*logs: MissionLog) -> TrackedDischarge:
     return place
 
 
+@pytest.mark.whole
 def test_growing_and_constant_discharge_are_separated() -> None:
     logs = [both(day, -20.0 + 3.0 * k, -10.0, seed=k) for k, day in enumerate(DAYS)]
     grown, constant = make_trend(inspections(logs)).discharges
@@ -49,6 +50,7 @@ def test_growing_and_constant_discharge_are_separated() -> None:
     assert describe_change(constant).startswith("constant within ")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("level_db", "drive", "presence"),
     [
@@ -73,6 +75,7 @@ def test_discharge_is_new_only_if_its_site_was_inspected_before(drive: np.ndarra
     assert (place.status, place.verdict) == (status, "too few dates")
 
 
+@pytest.mark.whole
 def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
     """A table contains only pulses that triggered; the waiting time of the receiver is unknown."""
     logs = [*(both(day, -10.0) for day in DAYS[:3]), without_place(DAYS[3])]
@@ -86,6 +89,7 @@ def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
     assert [each.presence for each in place.observations] == ["found"] * 3 + ["not inspected"]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("disagreement", ["", "tails", "outlier"])
 @pytest.mark.parametrize("n_weeks", [3, 4, 6, 12])
 def test_interval_of_slope_is_calibrated_and_useful(n_weeks: int, disagreement: str) -> None:
@@ -108,6 +112,7 @@ def test_interval_of_slope_is_calibrated_and_useful(n_weeks: int, disagreement: 
         assert 0.5 * np.median(width_db) < {3: 3.2, 4: 2.0, 6: 1.0, 12: 0.4}[n_weeks]  # three dates: 7 to 24 by t
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("growth_db", "n_weeks"), [(1.2, 6), (-1.2, 6), (1.1, 12), (0.0, 12)])
 def test_constant_is_stated_only_if_relevant_growth_is_excluded(growth_db: float, n_weeks: int) -> None:
     rng, weeks, n_constant = np.random.default_rng(4), np.arange(float(n_weeks)), 0

@@ -66,6 +66,7 @@ def write_bag(folder: Path, pulse_type: str, storage: StoragePlugin) -> None:
             writer.write(pulse, time_ns, store.serialize_cdr(volts, pulse_type))
 
 
+@pytest.mark.whole
 def test_exported_survey_comes_back(tmp_path: Path) -> None:
     """A channel without a signal is left out by both."""
     dead = [",".join("0" if k == 6 else cell for k, cell in enumerate(row.split(","))) for row in ROWS]

@@ -66,6 +66,7 @@ def test_heading_option_corrects_the_doubted_column(tmp_path: Path, heading: Hea
     assert note.endswith("use --heading counterclockwise")
 
 
+@pytest.mark.whole
 def test_boresights_of_the_doubt_correct_the_order(tmp_path: Path) -> None:
     (tmp_path / "with").mkdir()
     table, _ = MISTAKES["order reversed"](example(), np.random.default_rng(1)).write(tmp_path)

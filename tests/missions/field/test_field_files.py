@@ -153,6 +153,7 @@ def test_mains_phase_is_periodic(tmp_path: Path) -> None:
     assert np.allclose(data.pulses.mains_phase_rad, [1.5 * np.pi, 1.5 * np.pi, 0.0, 0.0])
 
 
+@pytest.mark.whole
 def test_rejected_and_unexplained_pulses_are_noted(tmp_path: Path) -> None:
     """Pulses are too weak for a noise of 1 V; with swapped boresights no finding explains them."""
     without_noise = [",".join(line.split(",")[:10]) for line in TEXT.splitlines()]
@@ -168,6 +169,7 @@ def test_rejected_and_unexplained_pulses_are_noted(tmp_path: Path) -> None:
     assert note.startswith("no finding explains any of 84 pulses: few poses, or wrong boresights")
 
 
+@pytest.mark.whole
 def test_pooled_poses_locate_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = with_column(tmp_path / "t.csv", "time_s", lambda k, time_s: time_s + 0.01 * (k % 6))
     (single,) = locate(table, noise_v=None).findings

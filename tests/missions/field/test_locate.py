@@ -81,6 +81,7 @@ def test_survey_from_one_pose_lists_its_candidate_once(tmp_path: Path) -> None:
     assert (report.findings, [candidate.id for candidate in report.candidates]) == ((), [1])
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", [1, 2])
 def test_two_sources_are_two_findings(tmp_path: Path, seed: int) -> None:
     sources_m = [(8.0, 12.0, 1.5), (14.0, 9.0, 1.5)]
@@ -100,6 +101,7 @@ def test_mains_phase_classifies_the_discharge(tmp_path: Path) -> None:
     assert finding.discharge.kind == "corona"
 
 
+@pytest.mark.whole
 def test_noise_alone_is_not_a_finding(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     rows = [[10.0 * k, *pose, *rng.uniform(0.0005, 0.005, 6)] for k, pose in enumerate(orbit(60, 5.0, (0.0, 0.0)))]
@@ -113,6 +115,7 @@ def test_source_beyond_the_fence_is_outside(tmp_path: Path) -> None:
     assert "outside" in {candidate.state for candidate in report.candidates}
 
 
+@pytest.mark.whole
 def test_bearings_along_one_line_are_not_a_finding(tmp_path: Path) -> None:
     poses = np.column_stack([np.linspace(0, 6, 40), np.full(40, 5.0), np.zeros(40)])
     report = located(tmp_path, survey(poses, (15.0, 5.0, 1.5), seed=6))
@@ -125,6 +128,7 @@ def test_four_channels_are_the_first_four_of_six(tmp_path: Path) -> None:
     assert miss_m(located(tmp_path, survey(poses, SOURCE_M, seed=7, n_elements=4))) < 0.3
 
 
+@pytest.mark.whole
 def test_dead_channel_is_noted_and_left_out(tmp_path: Path) -> None:
     rows = survey(np.repeat(orbit(16, 4.0, (10.0, 10.0)), 3, axis=0), SOURCE_M, seed=8)
     rows = [[*row[:6], 0.0, *row[7:]] for row in rows]
@@ -151,6 +155,7 @@ def test_one_source_of_a_long_survey_is_one_finding(tmp_path: Path, seed: int) -
     assert miss_m(report, (12.0, 8.0, 1.5)) < 0.3
 
 
+@pytest.mark.whole
 def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
     header, *rows = EXAMPLE.read_text().splitlines()
     hours = [f"{3600.0 * hour},{row.split(',', 1)[1]}" for hour, row in zip(range(600), cycle(rows), strict=False)]
@@ -161,6 +166,7 @@ def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
     assert steps[-1] == len(hours) - 1
 
 
+@pytest.mark.whole
 def test_height_by_a_pattern_with_vertical_cut_is_sound(tmp_path: Path) -> None:
     """Beams that are 100 degrees high and 50 wide: the height is within its stated deviation.
 
@@ -192,6 +198,7 @@ def test_turned_pattern_is_noted(tmp_path: Path) -> None:
     assert any(note.startswith(expected) for note in notes)
 
 
+@pytest.mark.whole
 def test_measured_pattern_is_used(tmp_path: Path) -> None:
     """The position is that of the default pattern with a table of it, and another one with the mirrored table."""
     usual, positions_m = locate(EXAMPLE, noise_v=None).findings[0].position_m, list[FloatArray]()

@@ -90,6 +90,7 @@ def test_survey_without_options_has_neither_map_nor_date(tmp_path: Path) -> None
     assert inspect_sites(log) is None
 
 
+@pytest.mark.whole
 def test_findings_are_numbered_from_1(tmp_path: Path) -> None:
     """Confirmed findings have the first numbers, and the texts of events have the numbers of their findings."""
     rows = survey(np.repeat(orbit(16, 7.0, (11.0, 10.5)), 5, axis=0), (8.0, 12.0, 1.5), (14.0, 9.0, 1.5), seed=1)

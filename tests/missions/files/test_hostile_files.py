@@ -64,5 +64,6 @@ def test_mutated_tables_are_refused_or_run(tmp_path: Path) -> None:
     assert 10 <= count_accepted_tables(tmp_path, range(100)) <= 90
 
 
+@pytest.mark.whole
 def test_mutated_archives_are_refused_or_run(tmp_path: Path) -> None:
     assert 4 <= count_accepted_archives(tmp_path, range(40)) <= 36

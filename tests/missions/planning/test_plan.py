@@ -65,6 +65,7 @@ def pairs_of(where: Detectability) -> set[tuple[int, int]]:
     )
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", YARDS)
 def test_tour_detects_every_detectable_site(name: str) -> None:
     check(plan_of(name))
@@ -117,6 +118,7 @@ def test_weaker_discharges_are_detectable_from_fewer_cells() -> None:
     assert plan.blind == plan.detectability.names
 
 
+@pytest.mark.whole
 def test_plan_ignores_sources_true_yard_and_route() -> None:
     shown = scenario_of("5004")
     piece = shown.yard.equipment[-1]
@@ -132,6 +134,7 @@ def test_plan_ignores_sources_true_yard_and_route() -> None:
     assert as_json(make_plan(other)) == as_json(plan_of("5004"))
 
 
+@pytest.mark.whole
 def test_map_without_sites_is_patrolled_everywhere() -> None:
     plan = make_plan(random_yard(0, 0))
     assert not plan.blind

@@ -28,6 +28,7 @@ CASES: list[tuple[tuple[Any, ...], str]] = [
 ]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("nature", "message"), CASES, ids=["wider", "narrower", "turned", "helix", "sound"])
 def test_report_names_how_the_array_differs(nature: tuple[Any, ...], message: str) -> None:
     report = report_with(*nature)

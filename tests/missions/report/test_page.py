@@ -43,6 +43,7 @@ def hostile_log() -> MissionLog:
 PAGES: dict[str, Callable[[], MissionLog]] = {**LOGS, "hostile": hostile_log}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", PAGES)
 def test_page_is_well_formed_and_loads_nothing(name: str) -> None:
     _, page = report_and_page(PAGES[name]())
