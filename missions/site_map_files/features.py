@@ -54,15 +54,27 @@ class MapFeature(NamedTuple):
         tags: Its properties.
         shape: Kind of its geometry.
         points_deg: Longitude and latitude, shape (n, 2); of a polygon the outer ring, without its last point.
+        kind: Kind of equipment if the map states it; otherwise the tags do.
+        is_turned: True if the first side of a polygon is the direction of the x axis of the piece.
     """
 
     place: str
     tags: Mapping[str, Any]
     shape: Literal["Point", "LineString", "Polygon"]
     points_deg: FloatArray
+    kind: str | None = None
+    is_turned: bool = False
 
 
-def read_features(path: Path) -> list[MapFeature]:
+class MapContent(NamedTuple):
+    """Features of a map, notes on what was left out, and whether the map states its position on Earth."""
+
+    features: list[MapFeature]
+    notes: list[str]
+    is_located: bool
+
+
+def read_features(path: Path) -> MapContent:
     """Read the features of a GeoJSON file.
 
     Raises:
@@ -84,7 +96,7 @@ def read_features(path: Path) -> list[MapFeature]:
             errors += [f"{path}: features.{number}.{line}" for line in error_lines(error, _Shape)]
     if errors:
         raise InputFileError(errors)
-    return features
+    return MapContent(features, [], is_located=True)
 
 
 def _feature(number: int, item: Any) -> MapFeature:  # noqa: ANN401 - files may contain any value
