@@ -1,6 +1,7 @@
 """Pieces of equipment from the features of a map: tags of OpenStreetMap, or properties that `write_site_map` wrote."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, pairwise
 from typing import Any, NamedTuple
@@ -91,8 +92,11 @@ def site_pieces(
     pieces: list[Equipment] = []
     fence, adapter = Yard(size_m=(float(size_m[0]), float(size_m[1]))), TypeAdapter[Equipment](Equipment)
     taken = {str(each.keys["name"]) for each in found if "name" in each.keys}
+    parts = Counter[tuple[str, str]]()
     for place, keys, _ in found:
-        keys = keys if "name" in keys else {"name": _name(keys, taken), **keys}
+        name = str(keys.get("name") or _name(keys, taken))
+        parts[place, name] += 1  # the second part of a feature is NAME_2
+        keys = {**keys, "name": name if parts[place, name] == 1 else f"{name}_{parts[place, name]}"}
         try:
             piece = adapter.validate_python(as_tuples(keys))
         except ValidationError as error:
