@@ -5,12 +5,13 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import ezdxf
 import numpy as np
-from ezdxf import bbox, units
+from ezdxf import DXFError, bbox, units
 from ezdxf.document import Drawing
+from ezdxf.dynblkhelper import get_dynamic_block_definition
 from ezdxf.entities import Circle, DXFGraphic, Insert, Point
 from ezdxf.entities.geodata import InvalidGeoDataException
+from ezdxf.filemanagement import readfile
 from ezdxf.layouts import BlockLayout
 from ezdxf.math import Vec3
 from ezdxf.path import make_path
@@ -106,8 +107,8 @@ def _opened(path: Path) -> Drawing:
     with opened(path, MAX_BYTES):  # states why a file cannot be opened
         pass
     try:
-        return ezdxf.readfile(path)  # pyright: ignore[reportPrivateImportUsage]
-    except (OSError, ezdxf.DXFError, ValueError, LookupError, TypeError, AttributeError) as error:
+        return readfile(path)
+    except (OSError, DXFError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputFileError([f"{path}: must be a DXF file: {error}"]) from None
 
 
@@ -139,7 +140,9 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str,
             if entity.mcount > 1:
                 yield from _entities(entity.multi_insert(), mapping, own_handle, own_layer)
                 continue
-            label, row = f"block {entity.dxf.name}", mapping.row(entity.dxf.name) or row
+            dynamic = get_dynamic_block_definition(entity)  # whose shape may be in an anonymous block such as *U12
+            name = entity.dxf.name if dynamic is None else dynamic.name
+            label, row = f"block {name}", mapping.row(name) or row
         place = f"{entity.dxftype()} {own_handle} of {label}"
         block = entity.block() if isinstance(entity, Insert) else None
         if row is None and isinstance(entity, Insert) and block is not None and not _contains(block, {block.name}):
@@ -264,9 +267,14 @@ def _to_degrees(
         try:
             matrix, epsg = data.get_crs_transformation()
             to_earth = Transformer.from_crs(epsg, 4326, always_xy=True)
-            return lambda each_m: np.column_stack(
-                to_earth.transform(*_plane(matrix.transform_vertices(Vec3(*p) for p in each_m / unit_m)).T)
-            ), True
+
+            def to_degrees(each_m: FloatArray) -> FloatArray:
+                on_grid = _plane(matrix.transform_vertices(Vec3(*place) for place in each_m / unit_m))
+                return np.column_stack(to_earth.transform(*on_grid.T))
+
+            if (np.abs(to_degrees(points_m)) <= (180.0, 85.0)).all():
+                return to_degrees, True
+            notes.append("GEODATA: must be between 85 degrees south and north; the position on Earth is left out")
         except (InvalidGeoDataException, ProjError) as error:
             notes.append(f"GEODATA: is not understood; the position on Earth is left out: {error}".splitlines()[0])
     corner_m = points_m.min(axis=0)

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 import pytest
 from ezdxf.document import Drawing
-from ezdxf.layouts import Modelspace
+from ezdxf.filemanagement import new
+from ezdxf.layouts.layout import Modelspace
 from pyproj import Transformer
 
 from pdpatrol.envs.scenario import load_scenario
@@ -24,7 +24,7 @@ def square(x: float, y: float, width: float, depth: float) -> list[tuple[float, 
 
 def autocad() -> Drawing:
     """Return a drawing as AutoCAD 2018 saves it: millimetres, blocks with attributes, layers of light polylines."""
-    drawing = ezdxf.new("R2018", units=4)
+    drawing = new("R2018", units=4)
     for name, width, depth in (("CB_SF6_220", 9000.0, 1000.0), ("Power Transformer", 8000.0, 5000.0)):
         block = drawing.blocks.new(name, base_point=(100.0, 0.0))
         block.add_lwpolyline(square(100.0, 0.0, width, depth), close=True)
@@ -51,7 +51,7 @@ def autocad() -> Drawing:
 
 def librecad() -> Drawing:
     """Return a drawing as LibreCAD saves it as R12: no unit, no blocks, old polylines and lines on layers."""
-    drawing = ezdxf.new("R12")
+    drawing = new("R12")
     space = drawing.modelspace()
     corner = np.array([500.0, 200.0])
     space.add_polyline2d(np.array(square(20.0, 15.0, 40.0, 30.0)) + corner, close=True, dxfattribs={"layer": "fence"})
@@ -202,6 +202,35 @@ def test_georeference_of_a_drawing_is_kept(tmp_path: Path) -> None:
     assert yard.size_m == pytest.approx((80.0, 60.0), rel=1e-3)
 
 
+@pytest.mark.parametrize(("north_m", "reason"), [(9e9, "must be between 85 degrees"), (0.0, "is not understood")])
+def test_georeference_that_is_not_understood_is_listed(north_m: float, reason: str, tmp_path: Path) -> None:
+    drawing = autocad()
+    data = drawing.modelspace().new_geodata()
+    data.setup_local_grid(design_point=(0.0, 0.0), reference_point=(0.0, north_m))
+    if not north_m:
+        data.coordinate_system_definition = "a local grid"
+    text, _, notes = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    (note,) = (each for each in notes if each.startswith("GEODATA"))
+    assert reason in note
+    assert "[georeference]" not in text
+
+
+def test_dynamic_block_and_array_of_blocks_are_understood(tmp_path: Path) -> None:
+    """The name of an anonymous block is that of its dynamic block; an array has a piece for each row and column."""
+    drawing = autocad()
+    dynamic = drawing.blocks.new("ARRESTER_DYN")
+    drawing.blocks.new("*U1").add_circle((0.0, 0.0), 200.0)
+    drawing.appids.new("AcDbBlockRepBTag")
+    drawing.blocks.get("*U1").block_record.set_xdata(
+        "AcDbBlockRepBTag", [(1070, 1), (1005, dynamic.block_record_handle)]
+    )
+    array = {"row_count": 2, "column_count": 3, "row_spacing": 20_000.0, "column_spacing": 10_000.0}
+    drawing.modelspace().add_blockref("*U1", (1e6 + 10e3, 10e3), array)
+    _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    got = sorted(each.position_m for each in yard.equipment if each.kind == "surge_arrester")
+    assert np.allclose(got, [(10, 10), (10, 30), (20, 10), (20, 30), (30, 10), (30, 30)], atol=0.01)
+
+
 def test_mapping_states_kinds_heights_and_directions(tmp_path: Path) -> None:
     """Rows of a table come before known names; `ground` is left out without a note."""
     rows = """
@@ -263,6 +292,6 @@ def test_unusable_drawing_is_refused_in_one_line(tmp_path: Path, refused: Refuse
     saved(drawing, tmp_path)
     (line,) = refused("import", "site.dxf", cwd=tmp_path)
     assert line == "site.dxf: $INSUNITS must be a unit of length such as 4 (mm) or 6 (m), got 99"
-    saved(ezdxf.new(), tmp_path)
+    saved(new(), tmp_path)
     (line,) = refused("import", "site.dxf", cwd=tmp_path)
     assert line == "site.dxf: must contain equipment, got none that is known"
