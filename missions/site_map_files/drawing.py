@@ -123,22 +123,20 @@ def _unit(document: Drawing, path: Path) -> tuple[float, list[str]]:
     return 1.0 / per_metre, []
 
 
-def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str, layer: str = "0") -> Iterator[_Drawn]:
+def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str) -> Iterator[_Drawn]:
     """Yield the entities whose names are known, in blocks of unknown name as well, and those that are not known.
 
     Args:
         entities: Entities of the model space, or of a placed block.
         mapping: Kinds by names.
         handle: Handle of the placed block, or empty.
-        layer: Its layer, which is that of its entities on layer 0.
     """
     for entity in entities:
-        own_layer = layer if entity.dxf.layer == "0" else str(entity.dxf.layer)
         own_handle = handle or str(entity.dxf.handle)
-        label, row = f"layer {own_layer}", mapping.row(own_layer)
+        label, row = f"layer {entity.dxf.layer}", mapping.row(entity.dxf.layer)
         if isinstance(entity, Insert):
             if entity.mcount > 1:
-                yield from _entities(entity.multi_insert(), mapping, own_handle, own_layer)
+                yield from _entities(entity.multi_insert(), mapping, own_handle)
                 continue
             dynamic = get_dynamic_block_definition(entity)  # whose shape may be in an anonymous block such as *U12
             name = entity.dxf.name if dynamic is None else dynamic.name
@@ -146,7 +144,7 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str,
         place = f"{entity.dxftype()} {own_handle} of {label}"
         block = entity.block() if isinstance(entity, Insert) else None
         if row is None and isinstance(entity, Insert) and block is not None and not _contains(block, {block.name}):
-            inner = list(_entities(entity.virtual_entities(), mapping, own_handle, own_layer))
+            inner = list(_entities(entity.virtual_entities(), mapping, own_handle))
             if any(each.row is not None for each in inner):
                 yield from inner
                 continue

@@ -56,12 +56,12 @@ def librecad() -> Drawing:
     corner = np.array([500.0, 200.0])
     space.add_polyline2d(np.array(square(20.0, 15.0, 40.0, 30.0)) + corner, close=True, dxfattribs={"layer": "fence"})
     space.add_polyline2d(np.array(square(10.0, 8.0, 6.0, 4.0)) + corner, close=True, dxfattribs={"layer": "building"})
-    space.add_line(corner + (5.0, 22.0), corner + (35.0, 22.0), dxfattribs={"layer": "busbar"})
+    space.add_line(np.add(corner, (5.0, 22.0)), np.add(corner, (35.0, 22.0)), dxfattribs={"layer": "busbar"})
     for k in range(3):
-        space.add_circle(corner + (20.0 + 2.0 * k, 15.0), 0.3, dxfattribs={"layer": "post insulator"})
+        space.add_circle(np.add(corner, (20.0 + 2.0 * k, 15.0)), 0.3, dxfattribs={"layer": "post insulator"})
     space.add_polyline2d(np.array([(28.0, 6.0), (34.0, 6.0), (34.0, 10.0)]) + corner, dxfattribs={"layer": "wall"})
-    space.add_point(corner + (30.0, 17.0), dxfattribs={"layer": "disconnector"})
-    space.add_line(corner, corner + (1.0, 1.0), dxfattribs={"layer": "0"})
+    space.add_point(np.add(corner, (30.0, 17.0)), dxfattribs={"layer": "disconnector"})
+    space.add_line(corner, np.add(corner, (1.0, 1.0)), dxfattribs={"layer": "0"})
     return drawing
 
 
