@@ -20,7 +20,7 @@ def import_site(
     out_file: Annotated[Path | None, tyro.conf.arg(name="out", metavar="SITE.toml")] = None,
     picture: bool = False,
 ) -> None:
-    """Make a scenario from a map of a substation, and list what was left out.
+    """Make a scenario from a map of a substation, and list the features that were left out.
 
     The map is GeoJSON with tags of OpenStreetMap, or as written by `pdpatrol export SCENARIO.toml`, or a DXF drawing
     whose blocks and layers have known names. The outline of the substation becomes the fence; the position on Earth is

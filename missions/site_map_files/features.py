@@ -90,7 +90,13 @@ class MapFeature(NamedTuple):
 
 
 class MapContent(NamedTuple):
-    """Features of a map, notes on what was left out, and whether the map states its position on Earth."""
+    """Content of a map.
+
+    Attributes:
+        features: Features that are understood.
+        notes: Lines on features that are left out and on assumptions.
+        is_located: True if the map states its position on Earth.
+    """
 
     features: list[MapFeature]
     notes: list[str]

@@ -1,4 +1,4 @@
-"""GeoJSON as QGIS and JOSM write it: pieces, planted errors, and what is not understood."""
+"""GeoJSON as QGIS and JOSM write it: pieces, planted errors, and notes on unknown features."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Drawings of substations as two CAD programs write them: pieces, planted errors, and what is not understood."""
+"""Drawings of substations as two CAD programs write them: pieces, planted errors, and notes on unknown entities."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -78,7 +78,7 @@ def mapping(folder: Path, text: str = "kv = 220") -> Path:
 
 
 def test_blocks_become_pieces_at_their_places(tmp_path: Path) -> None:
-    """Millimetres, rotation, scale, nested blocks, names by attributes; what is not understood is counted."""
+    """Millimetres, rotation, scale, nested blocks, names by attributes; unknown entities are counted."""
     text, yard, notes = import_site(saved(autocad(), tmp_path), mapping(tmp_path))
     assert notes == [
         "block NORTH_ARROW: 2 INSERT not understood; left out",
