@@ -1,9 +1,9 @@
 """Features of a drawing in the format DXF, by the names of its blocks and layers."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from ezdxf import DXFError, bbox, units
@@ -59,6 +59,17 @@ class _Drawn(NamedTuple):
     row: NamedKind | None
 
 
+class _DrawnFeature(NamedTuple):
+    """Feature as in `MapFeature`, with its points in metres, shape (n, 2)."""
+
+    place: str
+    tags: Mapping[str, Any]
+    shape: Literal["Point", "LineString", "Polygon"]
+    points_m: FloatArray
+    kind: str
+    is_turned: bool
+
+
 def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     """Read the features of a DXF file.
 
@@ -74,7 +85,7 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     document = _opened(path)
     unit_m, notes = _unit(document, path)
     errors: list[str] = []
-    found: list[MapFeature] = []
+    found: list[_DrawnFeature] = []
     unknown: Counter[tuple[str, str]] = Counter()
     without_kv: dict[tuple[str, str], None] = {}
     for drawn in _entities(document.modelspace(), mapping, ""):
@@ -98,9 +109,12 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     notes += [f"{label}: {n} {type_} not understood; left out" for (label, type_), n in sorted(unknown.items())]
     if not found:
         raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
-    to_degrees, is_located = _to_degrees(document, unit_m, notes, np.concatenate([each.points_deg for each in found]))
-    located = [each._replace(points_deg=to_degrees(each.points_deg)) for each in _with_outline(found)]
-    return MapContent(located, notes, is_located)
+    to_degrees, is_located = _to_degrees(document, unit_m, notes, np.concatenate([each.points_m for each in found]))
+    features = [
+        MapFeature(place, tags, shape, to_degrees(points_m), kind, is_turned)
+        for place, tags, shape, points_m, kind, is_turned in _with_outline(found)
+    ]
+    return MapContent(features, notes, is_located)
 
 
 def _opened(path: Path) -> Drawing:
@@ -178,8 +192,8 @@ def _contains(block: BlockLayout, names: set[str]) -> bool:
     return False
 
 
-def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> MapFeature:
-    """Return the feature of an entity, with its points in metres.
+def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:
+    """Return the feature of an entity.
 
     Raises:
         TypeError: If the entity is neither a block nor a point, a circle or a line.
@@ -209,7 +223,7 @@ def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> MapFeature:
         points_m = points_m[:-1]
         if (area_m2 := ring_area(points_m)) < LEAST_M**2:
             raise ValueError(f"a closed line must enclose an area of at least {LEAST_M**2:g} m2, got {area_m2:.3g} m2")
-    return MapFeature(drawn.place, tags, shape, points_m, row.kind, is_turned)
+    return _DrawnFeature(drawn.place, tags, shape, points_m, row.kind, is_turned)
 
 
 def _length(points_m: FloatArray) -> float:
@@ -242,10 +256,10 @@ def _plane(points: Iterable[Vec3]) -> FloatArray:
     return np.array([(each.x, each.y) for each in points], dtype=np.float64)
 
 
-def _with_outline(features: list[MapFeature]) -> list[MapFeature]:
+def _with_outline(features: list[_DrawnFeature]) -> list[_DrawnFeature]:
     """Mark the largest closed fence as the outline of the substation."""
     rings = [each for each in features if each.kind == "fence" and each.shape == "Polygon"]
-    outline = max(rings, key=lambda each: ring_area(each.points_deg), default=None)
+    outline = max(rings, key=lambda each: ring_area(each.points_m), default=None)
     return [each._replace(tags={"power": "substation"}) if each is outline else each for each in features]
 
 
