@@ -6,35 +6,46 @@ from typing import Annotated
 import tyro
 
 from pdpatrol.envs.scenario import load_scenario
-from pdpatrol.missions.atomic_file import write_text
+from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.terminal import note, out, refuse
+from pdpatrol.missions.report.substation_picture import draw_site_picture
 from pdpatrol.missions.site_map_files import site_scenario
 
 
 def import_site(
-    site: Annotated[Path, tyro.conf.arg(metavar="SITE.geojson")],
+    site: Annotated[Path, tyro.conf.arg(metavar="SITE.geojson|SITE.dxf")],
     /,
     *,
+    mapping: Annotated[Path | None, tyro.conf.arg(metavar="MAPPING.toml")] = None,
     out_file: Annotated[Path | None, tyro.conf.arg(name="out", metavar="SITE.toml")] = None,
+    picture: bool = False,
 ) -> None:
     """Make a scenario from a map of a substation, and list the features that were left out.
 
-    The map is GeoJSON with tags of OpenStreetMap, or as written by `pdpatrol export SCENARIO.toml`. The outline of the
-    substation becomes the fence; the position on Earth is kept.
+    The map is GeoJSON with tags of OpenStreetMap, or as written by `pdpatrol export SCENARIO.toml`, or a DXF drawing
+    whose blocks and layers have known names. The outline of the substation becomes the fence; the position on Earth is
+    kept.
 
     Args:
-        site: GeoJSON file.
+        site: GeoJSON or DXF file.
+        mapping: Table of the kinds that names of blocks and layers of a DXF file stand for, ahead of common English
+            names, and the voltage: `kv = 220`.
         out_file: File to write; must not exist. Default: the name of the map, ending in .toml.
+        picture: Draw the plan to a PNG file of the same name.
     """
     target = site.with_suffix(".toml") if out_file is None else out_file
+    png = target.with_suffix(".png")
     errors = [] if target.suffix == ".toml" else [f"--out: must end in .toml, got {target}"]
-    errors += [f"--out: {target} must not exist"] if target.exists() else []
+    errors += [f"--out: {file} must not exist" for file in (target, *((png,) if picture else ())) if file.exists()]
     if errors:
         refuse(*errors)
-    text, yard, notes = site_scenario.import_site(site)
+    text, yard, notes = site_scenario.import_site(site, mapping)
     note(*notes)
     write_text(target, text)
-    load_scenario(target)
+    scenario = load_scenario(target)
+    if picture:
+        with atomic_file(png) as temporary:
+            draw_site_picture(yard, [scenario.route.dock_m], site.name, temporary)
     counts = f"{len(yard.equipment)} pieces, {len(yard.site_names())} sites, {len(notes)} notes"
     out.print(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {counts}", soft_wrap=True)
 

@@ -24,6 +24,7 @@ EXTRAS = {
     "rosbags": "instruments",
     "imageio": "video",
     "ray": "ray",
+    "ezdxf": "dxf",
     "RigolWFM": "instruments",
     "nptdms": "instruments",
     "h5py": "instruments",

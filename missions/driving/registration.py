@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import inv
+from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import distance_transform_edt
 from scipy.special import logsumexp
 
@@ -308,18 +308,20 @@ class Registration:
         distance_m, normal, piece = self._outlines.meet(place_m := self._on_map(scan, frame))
         arm_m = turned(scan.arm_m, -frame[2])
         is_facing = (normal * arm_m).sum(axis=-1) < -0.1 * np.linalg.norm(arm_m, axis=-1)  # 6 degrees (assumed)
-        # derivative of the distance by the state
-        rows, row = np.zeros((piece.size, self._vector.size)), np.arange(piece.size)
+        states, column = np.unique([6 + 2 * piece, 7 + 2 * piece], return_inverse=True)
+        states, column = np.concatenate([np.arange(6), states]), 6 + column.reshape(2, -1)
+        # derivative of the distance by these states; it does not depend on others
+        rows, row = np.zeros((piece.size, states.size)), np.arange(piece.size)
         rows[:, :2] = rows[:, 3:5] = -turned(normal, frame[2])
         rows[:, 2] = -(normal * turned(arm_m)).sum(axis=-1)
         rows[:, 5] = -(normal * turned(place_m - self.frame.pivot_m)).sum(axis=-1)
-        rows[row, 6 + 2 * piece], rows[row, 7 + 2 * piece] = -normal.T
+        rows[row, column] = -normal.T
         expected_m2 = self._variance[6 + 2 * piece] + np.square(rows[:, POSE]) @ self._pose_variance
         expected_m2 += self._noise_variance
         weight = (FREEDOM + 1.0) / (FREEDOM + np.square(distance_m) / expected_m2) / self._noise_variance
         weighted = rows.T * (weight * (is_facing & (np.abs(distance_m) < GATE_M)))
-        self._information += weighted @ rows
-        self._vector -= weighted @ distance_m
+        self._information[np.ix_(states, states)] += weighted @ rows
+        self._vector[states] -= weighted @ distance_m
 
     def _predict(self, time_s: float) -> None:
         """Replace the pose error in the state by that at a later time, and marginalise the former."""
@@ -331,11 +333,19 @@ class Registration:
         cross[POSE] = -rho * gain
         information[POSE], information[:, POSE], vector[POSE] = 0.0, 0.0, 0.0
         information[POSE, POSE] = gain
-        information -= cross @ inverse @ cross.T
-        vector -= cross @ inverse @ pull
+        linked = np.flatnonzero(cross.any(axis=-1))  # pieces that were scanned
+        cross = cross[linked]
+        information[np.ix_(linked, linked)] -= cross @ inverse @ cross.T
+        vector[linked] -= cross @ inverse @ pull
 
     def _solve(self) -> None:
         """Solve for mean of the state, covariance of the frame, and mean square of the present pose error."""
-        covariance = inv(self._information)
-        self._mean, self._covariance = self._at + covariance @ self._vector, covariance[FRAME, FRAME]
-        self._latest_square = (np.square(self._mean) + covariance.diagonal())[POSE]
+        is_linked = np.count_nonzero(self._information, axis=0) > 1
+        is_linked[:6] = True
+        linked = np.flatnonzero(is_linked)  # the displacements of other pieces have their prior, and so a mean of 0
+        factor = cho_factor(self._information[np.ix_(linked, linked)])
+        solved = cho_solve(factor, np.column_stack([self._vector[linked], np.eye(linked.size, 6)]))
+        self._mean, covariance = self._at.copy(), solved[:6, 1:]
+        self._mean[linked] += solved[:, 0]
+        self._covariance = covariance[FRAME, FRAME]
+        self._latest_square = (np.square(self._mean[:6]) + covariance.diagonal())[POSE]

@@ -1,7 +1,7 @@
 """Features of a GeoJSON file (RFC 7946), with one line per error."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -21,10 +21,16 @@ Latitude = Annotated[float, Field(ge=-85.0, le=85.0, allow_inf_nan=False)]
 
 
 def _without_height(value: Any) -> Any:  # noqa: ANN401 - files may contain any value
+    if isinstance(value, list) and len(value) < 2:
+        raise ValueError(f"must be longitude and latitude, got {value!r:.60}")
     return value[:2] if isinstance(value, list) else value
 
 
 Position = Annotated[tuple[Longitude, Latitude], BeforeValidator(_without_height)]
+
+
+Line = Annotated[list[Position], Field(min_length=2)]
+Rings = Annotated[list[Annotated[list[Position], Field(min_length=4)]], Field(min_length=1)]
 
 
 class _Point(BaseModel):
@@ -34,16 +40,33 @@ class _Point(BaseModel):
 
 class _LineString(BaseModel):
     type: Literal["LineString"]
-    coordinates: Annotated[list[Position], Field(min_length=2)]
+    coordinates: Line
 
 
 class _Polygon(BaseModel):
     type: Literal["Polygon"]
-    coordinates: Annotated[list[Annotated[list[Position], Field(min_length=4)]], Field(min_length=1)]
+    coordinates: Rings
+
+
+class _MultiPoint(BaseModel):
+    type: Literal["MultiPoint"]
+    coordinates: list[Position]
+
+
+class _MultiLineString(BaseModel):
+    type: Literal["MultiLineString"]
+    coordinates: list[Line]
+
+
+class _MultiPolygon(BaseModel):
+    type: Literal["MultiPolygon"]
+    coordinates: list[Rings]
 
 
 class _Shape(BaseModel):
-    geometry: Annotated[_Point | _LineString | _Polygon, Field(discriminator="type")]
+    geometry: Annotated[
+        _Point | _LineString | _Polygon | _MultiPoint | _MultiLineString | _MultiPolygon, Field(discriminator="type")
+    ]
 
 
 class MapFeature(NamedTuple):
@@ -54,15 +77,33 @@ class MapFeature(NamedTuple):
         tags: Its properties.
         shape: Kind of its geometry.
         points_deg: Longitude and latitude, shape (n, 2); of a polygon the outer ring, without its last point.
+        kind: Kind of equipment if the map states it; otherwise the tags do.
+        is_turned: True if the first side of a polygon is the direction of the x axis of the piece.
     """
 
     place: str
     tags: Mapping[str, Any]
     shape: Literal["Point", "LineString", "Polygon"]
     points_deg: FloatArray
+    kind: str | None = None
+    is_turned: bool = False
 
 
-def read_features(path: Path) -> list[MapFeature]:
+class MapContent(NamedTuple):
+    """Content of a map.
+
+    Attributes:
+        features: Features that are understood.
+        notes: Lines on features that are left out and on assumptions.
+        is_located: True if the map states its position on Earth.
+    """
+
+    features: list[MapFeature]
+    notes: list[str]
+    is_located: bool
+
+
+def read_features(path: Path) -> MapContent:
     """Read the features of a GeoJSON file.
 
     Raises:
@@ -75,27 +116,68 @@ def read_features(path: Path) -> list[MapFeature]:
     found = data.get("features") if isinstance(data, dict) and data.get("type") == "FeatureCollection" else None
     if not isinstance(found, list) or not found:
         raise InputFileError([f"{path}: must be a GeoJSON FeatureCollection with features"])
+    if crs := _wrong_crs(data):
+        raise InputFileError([f"{path}: crs: must be WGS 84 (EPSG:4326 or CRS84), as RFC 7946 requires, got {crs:.60}"])
     features: list[MapFeature] = []
+    notes: list[str] = []
     errors: list[str] = []
     for number, item in enumerate(found):
         try:
-            features.append(_feature(number, item))
+            if isinstance(item, dict) and item.get("geometry", item) is None:
+                notes.append(f"{_place(number, item, _tags(item))}: has no geometry; left out")
+            else:
+                features += _features(number, item)
         except ValidationError as error:
             errors += [f"{path}: features.{number}.{line}" for line in error_lines(error, _Shape)]
     if errors:
         raise InputFileError(errors)
-    return features
+    if not features:
+        raise InputFileError([f"{path}: must have features with a geometry, got none", *notes])
+    return MapContent(features, notes, is_located=True)
 
 
-def _feature(number: int, item: Any) -> MapFeature:  # noqa: ANN401 - files may contain any value
-    geometry = _Shape.model_validate(item).geometry
-    properties = item.get("properties") or {}
+def _wrong_crs(data: Mapping[str, Any]) -> str:
+    """Return the name of the coordinate reference system of older GeoJSON if it is not WGS 84, else nothing."""
+    crs: Any = data.get("crs") or {}
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
+    return "" if not name or name.upper().endswith(("CRS84", ":4326")) else name
+
+
+def _tags(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the properties of a feature, with keys in lower case."""
+    properties: Any = item.get("properties")
+    properties = properties if isinstance(properties, dict) else {}
     nested = properties.get("tags")
-    tags = properties | nested if isinstance(nested, dict) else properties
+    tags: dict[str, Any] = properties | nested if isinstance(nested, dict) else properties
+    return {key.lower(): value for key, value in tags.items()}
+
+
+def _place(number: int, item: Mapping[str, Any], tags: Mapping[str, Any]) -> str:
     name = tags.get("@id") or item.get("id") or tags.get("ref") or tags.get("name")
-    if isinstance(geometry, _Point):
-        points = [geometry.coordinates]
-    else:
-        points = geometry.coordinates if isinstance(geometry, _LineString) else geometry.coordinates[0][:-1]
-    place = f"features.{number}" + (f" ({name})" if name else "")
-    return MapFeature(place, tags, geometry.type, np.array(points, dtype=np.float64))
+    return f"features.{number}" + (f" ({name})" if name else "")
+
+
+def _features(number: int, item: Any) -> Iterator[MapFeature]:  # noqa: ANN401 - files may contain any value
+    """Yield the feature, or one for each part of its geometry; of polygons, the outer rings.
+
+    Raises:
+        ValidationError: If the geometry is not valid.
+    """
+    geometry = _Shape.model_validate(item).geometry
+    tags = _tags(item)
+    place = _place(number, item, tags)
+    match geometry:
+        case _Point() | _MultiPoint():
+            shape, parts = "Point", [[each] for each in _parts(geometry)]
+        case _LineString() | _MultiLineString():
+            shape, parts = "LineString", _parts(geometry)
+        case _:
+            shape, parts = "Polygon", [rings[0][:-1] for rings in _parts(geometry)]
+    for part in parts:
+        yield MapFeature(place, tags, shape, np.array(part, dtype=np.float64))
+
+
+def _parts(geometry: Any) -> list[Any]:  # noqa: ANN401 - one of the geometries above
+    """Return the coordinates of each part of a geometry."""
+    return geometry.coordinates if geometry.type.startswith("Multi") else [geometry.coordinates]

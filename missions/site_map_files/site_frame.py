@@ -42,7 +42,7 @@ def oriented_box(points_m: FloatArray, yaw_rad: float | None = None) -> Oriented
     try:
         hull_m = points_m[ConvexHull(points_m).vertices]
     except (QhullError, ValueError):  # fewer than three points, or all on a line
-        hull_m = points_m[[0, -1]]
+        hull_m = points_m[np.lexsort(points_m.T)[[0, -1]]]
     sides_m = np.roll(hull_m, -1, axis=0) - hull_m
     best: OrientedBox | None = None
     for angle in np.arctan2(sides_m[:, 1], sides_m[:, 0]).tolist() if yaw_rad is None else [yaw_rad]:
@@ -89,8 +89,11 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> tuple[GeoreferenceC
     size_m = box.size_m
     if not outlines:
         size_m = size_m + 2.0 * MARGIN_M
-        notes.append(f"{path}: has no outline (power=substation); the yard extends {MARGIN_M:g} m beyond the features")
-    elif (share := _area(points_m) / float(np.prod(size_m))) < FULL:
+        notes.append(
+            f"{path}: has no outline (power=substation, or a closed fence); "
+            f"the yard extends {MARGIN_M:g} m beyond the features"
+        )
+    elif (share := ring_area(points_m) / float(np.prod(size_m))) < FULL:
         notes.append(f"{outlines[0].place}: fills {share:.0%} of its rectangle; the yard is the whole rectangle")
     if size_m.max() > MOST_YARD_M:
         given = f"{size_m[0]:.0f} x {size_m[1]:.0f} m"
@@ -104,7 +107,7 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> tuple[GeoreferenceC
     return reference, size_m, notes
 
 
-def _area(ring_m: FloatArray) -> float:
+def ring_area(ring_m: FloatArray) -> float:
     """Return the area of a polygon (n, 2)."""
     x, y = ring_m.T
     return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))

@@ -1,6 +1,7 @@
 """Pieces of equipment from the features of a map: tags of OpenStreetMap, or properties that `write_site_map` wrote."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, pairwise
 from typing import Any, NamedTuple
@@ -49,6 +50,9 @@ RULES: tuple[tuple[Mapping[str, str], str], ...] = (
 KV_OF_V: tuple[tuple[float, float, Kv], ...] = ((60e3, 150e3, 110), (150e3, 300e3, 220), (300e3, 550e3, 400))
 """Ranges of voltages, and the level whose equipment stands for them."""
 
+RINGS = ("fence", "kerb")
+"""Kinds that stand on the sides of a closed line."""
+
 STOREY_M, WALL_M = 3.5, 0.3
 """Height of a storey, and thickness of a wall (assumed)."""
 
@@ -60,10 +64,11 @@ STRAIGHT_M = 0.3
 
 
 class Found(NamedTuple):
-    """Keys of a piece of a map, and where it comes from."""
+    """Keys of a piece of a map, where it comes from, and whether it is too small to be more than a single pole."""
 
     place: str
     keys: dict[str, Any]
+    is_pole: bool = False
 
 
 def site_pieces(
@@ -87,8 +92,11 @@ def site_pieces(
     pieces: list[Equipment] = []
     fence, adapter = Yard(size_m=(float(size_m[0]), float(size_m[1]))), TypeAdapter[Equipment](Equipment)
     taken = {str(each.keys["name"]) for each in found if "name" in each.keys}
-    for place, keys in found:
-        keys = {"name": _name(keys, taken), **keys}
+    parts = Counter[tuple[str, str]]()
+    for place, keys, _ in found:
+        name = str(keys.get("name") or _name(keys, taken))
+        parts[place, name] += 1  # the second part of a feature is NAME_2
+        keys = {**keys, "name": name if parts[place, name] == 1 else f"{name}_{parts[place, name]}"}
         try:
             piece = adapter.validate_python(as_tuples(keys))
         except ValidationError as error:
@@ -109,7 +117,7 @@ def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterato
     if isinstance(own, Mapping):
         yield Found(feature.place, {**own, "position_m": points_m[0].round(4).tolist()})
         return
-    kind = next((kind for tags, kind in RULES if _has(feature.tags, tags)), None)
+    kind = feature.kind or next((kind for tags, kind in RULES if _has(feature.tags, tags)), None)
     if kind is None:
         shown = ", ".join(f"{key}={value}" for key, value in feature.tags.items() if not key.startswith("@"))
         yield f"{feature.place}: no equipment is known for {shown or 'a feature without tags'}; left out"
@@ -124,12 +132,19 @@ def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterato
             yield f"{feature.place}: {kind} needs a voltage from 60 to 550 kV, got {given}; left out"
             return
         keys["kv"] = level[0]
-    if kind in ("building", "wall") or (shape is not None and shape.stretches):
+    if shape is None or shape.stretches:
         yield from _long_pieces(feature, points_m, keys)
         return
     box = oriented_box(points_m)
-    turned = {"yaw_deg": _degrees(box.yaw_rad)} if feature.shape != "Point" else {}
-    yield Found(feature.place, {**keys, "position_m": box.centre_m.round(3).tolist(), **turned})
+    if feature.is_turned:
+        keys["yaw_deg"] = _direction_deg(points_m[1] - points_m[0]) + feature.tags["yaw_deg"]
+    elif feature.shape != "Point":
+        keys["yaw_deg"] = _folded(np.degrees(box.yaw_rad))
+    is_pole = (
+        kind in APPARATUS and APPARATUS[kind].n_poles == 3 and box.size_m[0] < 2.0 * VOLTAGES[keys["kv"]].spacing_m
+    )
+    keys["position_m"] = box.centre_m.round(3).tolist()
+    yield Found(feature.place, keys, is_pole and "name" not in keys)
 
 
 def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]) -> Iterator[Found | str]:
@@ -137,17 +152,24 @@ def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]
     kind, height_m = keys["kind"], _number(feature.tags.get("height"))
     if feature.shape == "Point":
         yield f"{feature.place}: {kind} must be a line or an area, got a point; left out"
-    elif kind == "building":
+    elif kind != "wall" and (kind == "building" or kind not in CATALOGUE):
         height_m = height_m or STOREY_M * (_number(feature.tags.get("building:levels")) or 1.0)
         box = oriented_box(points_m)
         footprint_m = box.size_m.round(3).tolist()
-        solid = {"shape": "box", "footprint_m": footprint_m, "height_m": height_m, "yaw_deg": _degrees(box.yaw_rad)}
+        solid = {
+            "shape": "box",
+            "footprint_m": footprint_m,
+            "height_m": height_m,
+            "yaw_deg": _folded(np.degrees(box.yaw_rad)),
+        }
         yield Found(feature.place, {**keys, "position_m": box.centre_m.round(3).tolist(), **solid})
     else:
         ends_m = points_m if feature.shape == "LineString" else _axis(points_m)
+        if kind in RINGS and feature.shape == "Polygon" and not feature.is_turned:
+            ends_m = np.vstack([points_m, points_m[:1]])
         for start_m, end_m in pairwise(ends_m):
             length_m = round(float(np.linalg.norm(end_m - start_m)), 3)
-            yaw_deg = _degrees(np.arctan2(*(end_m - start_m)[::-1]))
+            yaw_deg = _folded(_direction_deg(end_m - start_m))
             part = {**keys, "position_m": (0.5 * (start_m + end_m)).round(3).tolist(), "yaw_deg": yaw_deg}
             if kind == "wall":
                 height_m = height_m or WALL_HEIGHT_M
@@ -168,7 +190,7 @@ def _axis(points_m: FloatArray) -> FloatArray:
 def _with_poles_joined(found: list[Found]) -> tuple[list[Found], list[str]]:
     """Join three points in a row, a phase spacing apart, that are the poles of one piece of three poles."""
     joined, notes, used = list[Found](), list[str](), set[int]()
-    three_pole = [k for k, each in enumerate(found) if _is_single_pole(each.keys)]
+    three_pole = [k for k, each in enumerate(found) if each.is_pole]
     for trio in combinations(three_pole, 3):
         first, *others = (found[k] for k in trio)
         if used & set(trio) or any(first.keys[key] != each.keys[key] for each in others for key in ("kind", "kv")):
@@ -180,18 +202,12 @@ def _with_poles_joined(found: list[Found]) -> tuple[list[Found], list[str]]:
         is_straight = np.linalg.norm(places_m[[0, 2]].mean(axis=0) - places_m[1]) <= STRAIGHT_M
         if is_straight and np.linalg.norm(places_m[2] - places_m[0]) <= 2.0 * near_m:
             used |= set(trio)
-            yaw_deg = _degrees(np.arctan2(*(places_m[2] - places_m[0])[::-1]))
+            yaw_deg = _folded(_direction_deg(places_m[2] - places_m[0]))
             keys = {**first.keys, "position_m": places_m.mean(axis=0).round(3).tolist(), "yaw_deg": yaw_deg}
             joined.append(Found(first.place, keys))
             places = ", ".join(found[k].place for k in trio)
             notes.append(f"{places}: are taken as the poles of one {first.keys['kind']}")
     return [*(each for k, each in enumerate(found) if k not in used), *joined], notes
-
-
-def _is_single_pole(keys: Mapping[str, Any]) -> bool:
-    """Return whether a piece is a point of a kind with three poles."""
-    shape = APPARATUS.get(keys["kind"])
-    return shape is not None and shape.n_poles == 3 and "yaw_deg" not in keys and "name" not in keys
 
 
 def _has(tags: Mapping[str, Any], needed: Mapping[str, str]) -> bool:
@@ -210,9 +226,14 @@ def _number(value: Any) -> float | None:  # noqa: ANN401 - a property may have a
     return float(found[1]) or None if found else None
 
 
-def _degrees(yaw_rad: float) -> float:
-    """Return a yaw in degrees, from -90 up to 90, for pieces that may as well stand the other way round."""
-    return round((float(np.degrees(yaw_rad)) + 90.0) % 180.0 - 90.0, 2)
+def _direction_deg(way_m: FloatArray) -> float:
+    """Return the direction of a vector (2,), counter-clockwise from x, degrees."""
+    return round(float(np.degrees(np.arctan2(way_m[1], way_m[0]))), 2)
+
+
+def _folded(yaw_deg: float) -> float:
+    """Return a yaw from -90 up to 90 degrees, for pieces that may as well stand the other way round."""
+    return round((yaw_deg + 90.0) % 180.0 - 90.0, 2)
 
 
 def _name_key(tags: Mapping[str, Any]) -> dict[str, str]:

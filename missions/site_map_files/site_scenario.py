@@ -8,18 +8,26 @@ import tomlkit
 
 from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.site_map_files.features import read_features
+from pdpatrol.missions.site_map_files.features import MapContent, read_features
+from pdpatrol.missions.site_map_files.name_mapping import read_mapping
 from pdpatrol.missions.site_map_files.site_frame import site_frame
 from pdpatrol.missions.site_map_files.site_pieces import site_pieces
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES
 from pdpatrol.robot_models.yard.yard import Yard
 
+DRAWING = ".dxf"
+"""Ending of the names of drawings."""
+
 DOCK_ROOM_M = 1.2
 """Clearance of the dock (assumed); more than the shipped robots need."""
 
 
-def import_site(path: Path) -> tuple[str, Yard, list[str]]:
-    """Make a scenario from a GeoJSON file.
+def import_site(path: Path, mapping: Path | None = None) -> tuple[str, Yard, list[str]]:
+    """Make a scenario from a map.
+
+    Args:
+        path: GeoJSON file, or DXF file if its name ends in .dxf.
+        mapping: Table of kinds by names of blocks and layers of a DXF file.
 
     Returns:
         Text of the scenario file, its yard, and notes on the features that were left out.
@@ -27,11 +35,11 @@ def import_site(path: Path) -> tuple[str, Yard, list[str]]:
     Raises:
         InputFileError: If the file has errors, or no equipment is known in it.
     """
-    features = read_features(path)
-    reference, size_m, notes = site_frame(path, features)
+    content = _content(path, mapping)
+    reference, size_m, frame_notes = site_frame(path, content.features)
     size_m = size_m.round(2)
-    pieces, more_notes = site_pieces(features, reference, size_m)
-    notes += more_notes
+    pieces, piece_notes = site_pieces(content.features, reference, size_m)
+    notes = [*content.notes, *frame_notes, *piece_notes]
     if not pieces:
         raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
     if len(pieces) > MOST_PIECES:
@@ -54,9 +62,20 @@ def import_site(path: Path) -> tuple[str, Yard, list[str]]:
         "",
         "[array]",
         "",
-        tomlkit.dumps({"georeference": reference.model_dump()}),
+        tomlkit.dumps({"georeference": reference.model_dump()} if content.is_located else {}),
     ]
     return "\n".join(lines), yard, notes
+
+
+def _content(path: Path, mapping: Path | None) -> MapContent:
+    """Read the features of a map, by the ending of its name."""
+    if path.suffix.lower() == DRAWING:
+        from pdpatrol.missions.site_map_files.drawing import read_drawing  # ezdxf is an extra
+
+        return read_drawing(path, read_mapping(mapping))
+    if mapping is not None:
+        raise InputFileError([f"--mapping: is for {DRAWING} files, got {path}"])
+    return read_features(path)
 
 
 def _row(keys: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ import pytest
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import Mission
+from pdpatrol.missions.site_map_files.name_mapping import read_mapping
 from tests.docs.site import ROOT
 from tests.envs.helpers import write_yard
 from tests.test_readme import blocks, commands, run_snippet, served_on_loopback
@@ -95,8 +96,13 @@ def test_every_command_of_the_docs_is_run_by_a_test() -> None:
 
 
 def test_snippets_of_the_yard_page_run(tmp_path: Path) -> None:
-    (snippet,), (scenario,) = blocks("python", PAGES["how-to/yard.md"]), blocks("toml", PAGES["how-to/yard.md"])
+    text = PAGES["how-to/yard.md"]
+    (snippet,), (scenario, mapping) = blocks("python", text), blocks("toml", text)
     run_snippet(snippet, tmp_path)
+    (tmp_path / "mapping.toml").write_text(mapping, encoding="utf-8")
+    row = read_mapping(tmp_path / "mapping.toml").row("qa12")
+    assert row is not None
+    assert (row.kind, row.kv) == ("circuit_breaker", 220)
     (tmp_path / "yard.toml").write_text(scenario, encoding="utf-8")
     assert len(load_scenario(tmp_path / "yard.toml").yard.equipment) == 2
 

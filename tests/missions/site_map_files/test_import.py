@@ -127,13 +127,13 @@ BAD_GEOMETRY = (
         {"type": "Point", "coordinates": [1001875.4, 52.0]},
         "geometry.Point.coordinates.0: must be less than or equal",
     ),
-    ({"type": "Point", "coordinates": [9.0]}, "geometry.Point.coordinates.1: is required"),
+    ({"type": "Point", "coordinates": [9.0]}, "geometry.Point.coordinates: must be longitude and latitude, got [9.0]"),
     ({"type": "Point", "coordinates": ["nine", 52.0]}, "geometry.Point.coordinates.0: must be a valid number"),
     ({"type": "Point", "coordinates": [float("nan"), 52.0]}, "geometry.Point.coordinates.0: must be a finite number"),
     ({"type": "LineString", "coordinates": [[9.0, 52.0]]}, "must have at least 2 items"),
     ({"type": "Polygon", "coordinates": [[[9.0, 52.0], [9.1, 52.0], [9.0, 52.0]]]}, "must have at least 4 items"),
     ({"type": "Circle", "coordinates": [9.0, 52.0]}, "geometry"),
-    (None, "geometry"),
+    ("nowhere", "geometry"),
 )
 
 

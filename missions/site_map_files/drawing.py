@@ -1,0 +1,293 @@
+"""Features of a drawing in the format DXF, by the names of its blocks and layers."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from ezdxf import DXFError, bbox, units
+from ezdxf.document import Drawing
+from ezdxf.dynblkhelper import get_dynamic_block_definition
+from ezdxf.entities import Circle, DXFGraphic, Insert, Point
+from ezdxf.entities.geodata import InvalidGeoDataException
+from ezdxf.filemanagement import readfile
+from ezdxf.layouts import BlockLayout
+from ezdxf.math import Vec3
+from ezdxf.path import make_path
+from pyproj import Transformer
+from pyproj.exceptions import ProjError
+
+from dirmusic import InputFileError
+from dirmusic.arrays import FloatArray
+from dirmusic.input_file import opened
+from pdpatrol.envs.scenario.map import GeoreferenceConfig
+from pdpatrol.missions.site_map_files.features import MAX_BYTES, MapContent, MapFeature
+from pdpatrol.missions.site_map_files.geodesy import longitude_latitude
+from pdpatrol.missions.site_map_files.name_mapping import GROUND, NamedKind, NameMapping
+from pdpatrol.missions.site_map_files.site_frame import ring_area
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
+
+NOWHERE = GeoreferenceConfig(latitude_deg=0.0, longitude_deg=0.0)
+"""Place that stands for that of a drawing without one; meridians are parallel there."""
+
+FLATTENING_M = 0.02
+"""Maximum distance of an arc from its chords (assumed)."""
+
+LEAST_M = 0.05
+"""Length below which a line or the side of an area is an error (assumed), as of the thinnest pieces."""
+
+NAME_ATTRIBUTES = ("name", "ref", "tag", "designation")
+"""Attributes of a block that may hold the name of a piece, in lower case."""
+
+TEXTS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER"}
+
+
+class _Drawn(NamedTuple):
+    """Entity of the model space, or one within a block of unknown name.
+
+    Attributes:
+        entity: The entity, in world coordinates.
+        place: Its type, handle, and block or layer, for messages.
+        label: The block or layer under which it is counted if it is not understood.
+        row: Kind that its name stands for.
+    """
+
+    entity: DXFGraphic
+    place: str
+    label: str
+    row: NamedKind | None
+
+
+class _DrawnFeature(NamedTuple):
+    """Feature as in `MapFeature`, with its points in metres, shape (n, 2)."""
+
+    place: str
+    tags: Mapping[str, Any]
+    shape: Literal["Point", "LineString", "Polygon"]
+    points_m: FloatArray
+    kind: str
+    is_turned: bool
+
+
+def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
+    """Read the features of a DXF file.
+
+    The largest closed line of the kind `fence` is the outline of the substation.
+
+    Args:
+        path: The file.
+        mapping: Kinds by names of blocks and layers.
+
+    Raises:
+        InputFileError: If the file cannot be read or has errors; all of them are listed.
+    """
+    document = _opened(path)
+    unit_m, notes = _unit(document, path)
+    errors: list[str] = []
+    found: list[_DrawnFeature] = []
+    unknown: Counter[tuple[str, str]] = Counter()
+    without_kv: dict[tuple[str, str], None] = {}
+    for drawn in _entities(document.modelspace(), mapping, ""):
+        row, type_ = drawn.row, drawn.entity.dxftype()
+        try:
+            _check(drawn.entity)
+            if row is None or (row.kind != GROUND and type_ in TEXTS):
+                unknown[drawn.label, type_] += 1
+            elif row.kind != GROUND:
+                found.append(_feature(drawn, row, unit_m))
+                if row.kv is None and (shape := CATALOGUE.get(row.kind)) is not None and shape.build_for is not None:
+                    without_kv[drawn.label, row.kind] = None
+        except TypeError:  # of `make_path`, for all that is no line
+            unknown[drawn.label, type_] += 1
+        except ValueError as error:
+            errors.append(f"{path}: {drawn.place}: {error}")
+    need = "needs a voltage: kv = 110, 220 or 400 in a table for --mapping, got none"
+    errors += [f"{path}: {label}: {kind} {need}" for label, kind in without_kv]
+    if errors:
+        raise InputFileError(errors)
+    notes += [f"{label}: {n} {type_} not understood; left out" for (label, type_), n in sorted(unknown.items())]
+    if not found:
+        raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
+    to_degrees, is_located = _to_degrees(document, unit_m, notes, np.concatenate([each.points_m for each in found]))
+    features = [
+        MapFeature(place, tags, shape, to_degrees(points_m), kind, is_turned)
+        for place, tags, shape, points_m, kind, is_turned in _with_outline(found)
+    ]
+    return MapContent(features, notes, is_located)
+
+
+def _opened(path: Path) -> Drawing:
+    with opened(path, MAX_BYTES):  # states why a file cannot be opened
+        pass
+    try:
+        return readfile(path)
+    except (OSError, DXFError, ValueError, LookupError, TypeError, AttributeError) as error:
+        raise InputFileError([f"{path}: must be a DXF file: {error}"]) from None
+
+
+def _unit(document: Drawing, path: Path) -> tuple[float, list[str]]:
+    """Return the unit of a drawing in metres, and a note if it is assumed."""
+    number = document.header.get("$INSUNITS", 0)
+    if number == 0:
+        return 1.0, [f"{path}: has no unit ($INSUNITS); metres are assumed"]
+    per_metre = units.METER_FACTOR[number] if 0 < number < len(units.METER_FACTOR) else None
+    if per_metre is None:
+        raise InputFileError([f"{path}: $INSUNITS must be a unit of length such as 4 (mm) or 6 (m), got {number}"])
+    return 1.0 / per_metre, []
+
+
+def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str) -> Iterator[_Drawn]:
+    """Yield the entities whose names are known, in blocks of unknown name as well, and those that are not known.
+
+    Args:
+        entities: Entities of the model space, or of a placed block.
+        mapping: Kinds by names.
+        handle: Handle of the placed block, or empty.
+    """
+    for entity in entities:
+        own_handle = handle or str(entity.dxf.handle)
+        label, row = f"layer {entity.dxf.layer}", mapping.row(entity.dxf.layer)
+        if isinstance(entity, Insert):
+            if entity.mcount > 1:
+                yield from _entities(entity.multi_insert(), mapping, own_handle)
+                continue
+            dynamic = get_dynamic_block_definition(entity)  # whose shape may be in an anonymous block such as *U12
+            name = entity.dxf.name if dynamic is None else dynamic.name
+            label, row = f"block {name}", mapping.row(name) or row
+        place = f"{entity.dxftype()} {own_handle} of {label}"
+        block = entity.block() if isinstance(entity, Insert) else None
+        if row is None and isinstance(entity, Insert) and block is not None and not _contains(block, {block.name}):
+            inner = list(_entities(entity.virtual_entities(), mapping, own_handle))
+            if any(each.row is not None for each in inner):
+                yield from inner
+                continue
+        yield _Drawn(entity, place, label, row)
+
+
+def _check(entity: DXFGraphic) -> None:
+    """Check that an entity lies in the plane, and that a block is defined without itself.
+
+    Raises:
+        ValueError: With one line that says what must hold.
+    """
+    extrusion = Vec3(entity.dxf.get("extrusion", (0.0, 0.0, 1.0)))
+    if not np.isclose(abs(extrusion.normalize().z), 1.0):
+        raise ValueError(f"must lie in the plane of the drawing, got the extrusion {extrusion.round(3)}")
+    if not isinstance(entity, Insert):
+        return
+    block = entity.block()
+    if block is None:
+        raise ValueError(f"the block must be defined in the file, got `{entity.dxf.name}`")
+    if _contains(block, {block.name}):
+        raise ValueError("a block must not contain itself")
+
+
+def _contains(block: BlockLayout, names: set[str]) -> bool:
+    """Return whether a block contains one of the blocks of these names, at any depth."""
+    for insert in block.query("INSERT"):
+        inner = insert.block() if isinstance(insert, Insert) else None
+        if inner is not None and (inner.name in names or _contains(inner, names | {inner.name})):
+            return True
+    return False
+
+
+def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:
+    """Return the feature of an entity.
+
+    Raises:
+        TypeError: If the entity is neither a block nor a point, a circle or a line.
+        ValueError: If it has no size, with one line that says what must hold.
+    """
+    entity, shape, is_turned = drawn.entity, "Point", False
+    tags = {"voltage": str(1000 * row.kv) if row.kv else "", "height": row.height_m or "", "yaw_deg": row.yaw_deg}
+    if isinstance(entity, Insert):
+        points_m, shape, is_turned = unit_m * _corners(entity, row, unit_m), "Polygon", True
+        names = {each.dxf.tag.lower(): each.dxf.text for each in entity.attribs}
+        tags["name"] = next((names[key] for key in NAME_ATTRIBUTES if names.get(key)), "")
+    elif isinstance(entity, Circle):
+        points_m = unit_m * _plane([entity.ocs().to_wcs(entity.dxf.center)])
+        if not entity.dxf.radius > 0.0:
+            raise ValueError(f"the radius must be positive, got {entity.dxf.radius:g}")
+    elif isinstance(entity, Point):
+        points_m = unit_m * _plane([entity.dxf.location])
+    else:
+        line = make_path(entity)
+        points_m = unit_m * _plane(line.flattening(FLATTENING_M / unit_m)) if len(line) else np.empty((0, 2))
+        shape = "Polygon" if len(points_m) > 2 and (points_m[0] == points_m[-1]).all() else "LineString"
+    if not np.isfinite(points_m).all():
+        raise ValueError("the coordinates must be finite, got " + str(points_m[~np.isfinite(points_m)][0]))
+    if shape == "LineString" and (length_m := _length(points_m)) < LEAST_M:
+        raise ValueError(f"a line must be at least {LEAST_M:g} m long, got {length_m:.3g} m")
+    if shape == "Polygon" and not is_turned:
+        points_m = points_m[:-1]
+        if (area_m2 := ring_area(points_m)) < LEAST_M**2:
+            raise ValueError(f"a closed line must enclose an area of at least {LEAST_M**2:g} m2, got {area_m2:.3g} m2")
+    return _DrawnFeature(drawn.place, tags, shape, points_m, row.kind, is_turned)
+
+
+def _length(points_m: FloatArray) -> float:
+    """Return the length of a line through points (n, 2)."""
+    return float(np.linalg.norm(np.diff(points_m, axis=0), axis=-1).sum())
+
+
+def _corners(insert: Insert, row: NamedKind, unit_m: float) -> FloatArray:
+    """Return the corners of the rectangle around a placed block, along its axes, x axis first, shape (4, 2).
+
+    A block without lines is a square of one metre around its base point.
+    """
+    block = insert.block()
+    assert block is not None
+    extent = bbox.extents((each for each in block if each.dxftype() not in TEXTS), fast=True)
+    shape = CATALOGUE.get(row.kind)
+    if extent.has_data and max(extent.size.x, extent.size.y) > 0.0:
+        low, high = extent.extmin, extent.extmax
+    elif shape is None or shape.stretches:
+        raise ValueError(f"the block must have lines that show the size of a {row.kind}, got none")
+    else:
+        base, half = Vec3(block.base_point), 0.5 / unit_m
+        low, high = base - Vec3(half, half), base + Vec3(half, half)
+    corners = [(low.x, low.y), (high.x, low.y), (high.x, high.y), (low.x, high.y)]
+    return _plane(insert.matrix44().transform_vertices([Vec3(*each) for each in corners]))
+
+
+def _plane(points: Iterable[Vec3]) -> FloatArray:
+    """Return x and y of points, shape (n, 2)."""
+    return np.array([(each.x, each.y) for each in points], dtype=np.float64)
+
+
+def _with_outline(features: list[_DrawnFeature]) -> list[_DrawnFeature]:
+    """Mark the largest closed fence as the outline of the substation."""
+    rings = [each for each in features if each.kind == "fence" and each.shape == "Polygon"]
+    outline = max(rings, key=lambda each: ring_area(each.points_m), default=None)
+    return [each._replace(tags={"power": "substation"}) if each is outline else each for each in features]
+
+
+def _to_degrees(
+    document: Drawing, unit_m: float, notes: list[str], points_m: FloatArray
+) -> tuple[Callable[[FloatArray], FloatArray], bool]:
+    """Return the conversion of places in metres to longitude and latitude, and whether the drawing states where it is.
+
+    Args:
+        document: The drawing.
+        unit_m: Its unit.
+        notes: Notes, to which one is added if the place cannot be read.
+        points_m: All places, shape (n, 2).
+    """
+    data = document.modelspace().get_geodata()
+    if data is not None:
+        try:
+            matrix, epsg = data.get_crs_transformation()
+            to_earth = Transformer.from_crs(epsg, 4326, always_xy=True)
+
+            def to_degrees(each_m: FloatArray) -> FloatArray:
+                on_grid = _plane(matrix.transform_vertices(Vec3(*place) for place in each_m / unit_m))
+                return np.column_stack(to_earth.transform(*on_grid.T))
+
+            if (np.abs(to_degrees(points_m)) <= (180.0, 85.0)).all():
+                return to_degrees, True
+            notes.append("GEODATA: must be between 85 degrees south and north; the position on Earth is left out")
+        except (InvalidGeoDataException, ProjError) as error:
+            notes.append(f"GEODATA: is not understood; the position on Earth is left out: {error}".splitlines()[0])
+    corner_m = points_m.min(axis=0)
+    return lambda each_m: longitude_latitude(each_m - corner_m, NOWHERE), False
