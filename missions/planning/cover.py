@@ -57,12 +57,19 @@ def _coverage(
     """Return the coverage of targets from their pairs, which are sorted by aspect."""
     covered = np.zeros((targets.size, 3))
     for row, target in enumerate(targets):
-        pairs = np.arange(first[target], first[target + 1])
-        seen_rad = aspect_rad[pairs[is_seen[column[pairs]]]]
-        covered[row, 0] = _spread(seen_rad)
-        covered[row, 1] = min(0.5 * _spread(np.sort(np.mod(2.0 * seen_rad, 2.0 * np.pi))), 0.5 * np.pi)
-        covered[row, 2] = seen_rad.size
+        covered[row] = coverage_of_one(first, column, aspect_rad, is_seen, target)
     return covered
+
+
+@compiled_inner
+def coverage_of_one(
+    first: IntArray, column: IntArray, aspect_rad: FloatArray, is_seen: BoolArray, target: int
+) -> FloatArray:
+    """Return the coverage of one target, shape (3,), in compiled functions; see `coverage_of`."""
+    pairs = np.arange(first[target], first[target + 1])
+    seen_rad = aspect_rad[pairs[is_seen[column[pairs]]]]
+    crossing_rad = 0.5 * _spread(np.sort(np.mod(2.0 * seen_rad, 2.0 * np.pi)))
+    return np.array([_spread(seen_rad), min(crossing_rad, 0.5 * np.pi), float(seen_rad.size)])
 
 
 @compiled_inner

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.compiled import compiled
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.planning.cover import TINY_RAD, coverage_of
+from pdpatrol.missions.planning.cover import TINY_RAD, coverage_of, coverage_of_one
 from pdpatrol.missions.planning.detectability import Detectability
-from pdpatrol.missions.planning.paths import LocalPaths
+from pdpatrol.missions.planning.paths import LocalPaths, Reach
 from pdpatrol.missions.planning.shortest_order import shortest_order, tour_bound
 
 MIN_GAIN_M = 0.5
@@ -59,6 +60,7 @@ class ShortestTours:
     def __init__(self, site_map: SiteMap) -> None:
         self.dock = site_map.cell(site_map.route.dock_m)
         self.paths = LocalPaths(site_map)
+        self.n_cells = site_map.is_free.size
         self._centres_m = site_map.centres_m
 
     def legs(self, stops: Sequence[int]) -> list[Leg]:
@@ -140,13 +142,16 @@ class TourShortener:
         self._detectability, self._tours, self._required = detectability, tours, required
         self._stop_cells, self._stops_m = detectability.cells[is_stop], detectability.places_m[is_stop]
         self._halt_m, self._progress = halt_m, progress
+        self._where = detectability.first, detectability.column, detectability.aspect_rad
+        self._column = np.zeros(tours.n_cells, dtype=np.intp)
+        self._column[detectability.cells] = np.arange(detectability.cells.size)
         pairs = np.ones(detectability.column.size, dtype=np.bool_), detectability.column, detectability.first
         self._targets_of = csr_array(pairs, shape=(detectability.first.size - 1, detectability.cells.size)).tocsc()
         self._stops = list[int]()  # of the present tour
         self._n_passes = np.zeros(detectability.cells.size, dtype=np.intp)  # of the present tour over each cell
 
     def shorten(self, stops: Sequence[int]) -> list[int]:
-        """Return the stops of a short tour, in the best order, of which no stop can be removed.
+        """Return the stops of a short tour, of which none can be left out.
 
         Args:
             stops: Stops of a tour that covers all targets as required, in the best order.
@@ -154,15 +159,19 @@ class TourShortener:
         self._stops = list(stops)
         self._n_passes[:] = 0
         self._pass(self._tours.legs(self._stops))
-        self._remove_needless_stops()
-        while self._replace_stops(1) or self._replace_stops(2):
-            self._remove_needless_stops()
+        settled = set[tuple[int, ...]]()
+        is_changed = True
+        while is_changed:
+            is_changed = self._remove_stops()
+            is_changed |= self._replace_stops(1, settled)
+            is_changed |= self._replace_stops(2, settled)
+            is_changed |= self._reorder()
         return self._stops
 
-    def _is_covered(self, targets: IntArray) -> BoolArray:
-        """Return which of some targets, given by index, the present tour covers as required."""
+    def _lacking(self, targets: IntArray) -> IntArray:
+        """Return those of some targets, given by index, that the present tour does not cover as required."""
         offered = coverage_of(self._detectability, self._n_passes > 0, targets)
-        return np.asarray((offered >= self._required[targets] - TINY_RAD).all(axis=1))
+        return targets[(offered < self._required[targets] - TINY_RAD).any(axis=1)]
 
     def _columns(self, legs: Sequence[Leg]) -> IntArray:
         """Return the columns of the cells of legs, shape (n,)."""
@@ -182,7 +191,7 @@ class TourShortener:
         """Return whether the present tour would cover some targets with other legs."""
         self._pass(old, times=-1)
         self._pass(new)
-        is_covered = bool(self._is_covered(targets).all())
+        is_covered = self._lacking(targets).size == 0
         self._pass(new, times=-1)
         self._pass(old)
         return is_covered
@@ -202,72 +211,125 @@ class TourShortener:
         """Return some stops from stop k on, with the stops or docks before and after them."""
         return (self._tours.dock, *self._stops, self._tours.dock)[k : k + n_stops + 2]
 
-    def _remove_needless_stops(self) -> None:
-        """Remove stops until the best tour past all others would not cover every target."""
-        needed = set[tuple[int, ...]]()
-        while self._remove_a_stop(needed):
-            self._progress(len(self._stops))
+    def _remove_stops(self) -> bool:
+        """Leave out stops until each of them is needed, and return whether any was left out.
 
-    def _remove_a_stop(self, needed: set[tuple[int, ...]]) -> bool:
-        """Remove the most promising stop: the one without which the tour, still covering all targets, is shortest.
+        The stop comes first without which the tour is shortest.
+        """
+        n_before, gains_m = len(self._stops), [self._gain_m(k) for k in range(len(self._stops))]
+        while gains_m and (gain_m := max(gains_m)) > -np.inf:
+            k = gains_m.index(gain_m)
+            if self._change(self._stops[:k] + self._stops[k + 1 :]):
+                del gains_m[k]
+                for near in range(max(k - 1, 0), min(k + 1, len(gains_m))):
+                    gains_m[near] = self._gain_m(near)
+                self._progress(len(self._stops))
+            else:
+                gains_m[k] = -np.inf
+        return len(self._stops) < n_before
+
+    def _gain_m(self, k: int) -> float:
+        """Return by how much the present tour is shorter without stop k."""
+        length_m, (before, here, after) = self._tours.paths.length_m, self._around(k)
+        return length_m(before, here) + length_m(here, after) - length_m(before, after)
+
+    def _reorder(self) -> bool:
+        """Take the stops in the best order if the tour then covers all targets; return whether it becomes shorter."""
+        ordered = self._tours.shortest(self._stops)
+        is_shorter = self._tours.length_m(ordered) < self._tours.length_m(self._stops) - MIN_GAIN_M
+        return is_shorter and self._change(ordered)
+
+    def _replace_stops(self, n_stops: int, settled: set[tuple[int, ...]]) -> bool:
+        """Replace each stop, or each two successive stops, by one stop where this helps, and return whether it does.
 
         Args:
-            needed: Stops, with those around them, that the present tour needs; more are added.
+            n_stops: Number of stops that are replaced.
+            settled: Stops, with those around them, that no stop replaces; more are added.
         """
-        length_m, gains_m = self._tours.paths.length_m, list[float]()
-        for before, here, after in map(self._around, range(len(self._stops))):
-            gains_m.append(length_m(before, here) + length_m(here, after) - length_m(before, after))
-        by_gain = np.argsort(-np.array(gains_m), kind="stable").tolist()
-        for k in by_gain:
-            before, here, after = around = self._around(k)
-            old = [(before, here), (here, after)]
-            is_needless = around not in needed and self._covers(old, [(before, after)], self._seen_from(old))
-            if is_needless and self._change(self._tours.shortest(self._stops[:k] + self._stops[k + 1 :])):
-                return True
-            needed.add(around)
-        return any(self._change(self._tours.shortest(self._stops[:k] + self._stops[k + 1 :])) for k in by_gain)
-
-    def _replace_stops(self, n_stops: int) -> bool:
-        """Replace each stop, or each two successive stops, by one stop where this helps, and return whether it does."""
         is_better = False
         for around in [self._around(k, n_stops) for k in range(len(self._stops) - n_stops + 1)]:
             old = list(around[1:-1])
             k = self._stops.index(old[0]) if old[0] in self._stops else 0
-            if self._stops[k : k + n_stops] == old:
-                is_better |= self._replace(k, n_stops)
+            now = self._around(k, n_stops)
+            if self._stops[k : k + n_stops] == old and now not in settled:
+                is_replaced = self._replace(k, n_stops)
+                is_better |= is_replaced
+                if not is_replaced:
+                    settled.add(now)
         return is_better
 
     def _replace(self, k: int, n_stops: int) -> bool:
         """Replace some stops from stop k on by one nearby with which the tour is faster, and return whether one is."""
         around = self._around(k, n_stops)
-        old, longest_m = list(pairwise(around)), self._tours.length_m(self._stops) + self._allowed_m(n_stops)
-        seen = self._seen_from(old)
+        old, seen = list(pairwise(around)), self._seen_from(list(pairwise(around)))
+        cells, reaches = self._better_places(around)
         self._pass(old, times=-1)
-        lacking = seen[~self._is_covered(seen)]
+        lacking = self._lacking(seen)
+        places = _covering(cells, reaches, self._n_passes > 0, self._column, self._where, self._required, lacking)
         self._pass(old)
-        for cell in self._better_places(around):
-            if cell not in self._stops and self._covers(old, [(around[0], cell), (cell, around[-1])], lacking):
-                changed = self._tours.shortest([*self._stops[:k], cell, *self._stops[k + n_stops :]])
-                if self._tours.length_m(changed) < longest_m and self._change(changed):
-                    return True
+        for place in places.tolist():
+            if place not in self._stops and self._change([*self._stops[:k], place, *self._stops[k + n_stops :]]):
+                return True
         return False
 
-    def _allowed_m(self, n_stops: int) -> float:
-        """Return by how much the tour may become longer when one stop replaces some; it must be faster."""
-        return (n_stops - 1) * self._halt_m - MIN_GAIN_M
-
-    def _better_places(self, around: Sequence[int]) -> list[int]:
-        """Return the places near some stops past which the path may be faster than past them, the shortest path first.
+    def _better_places(self, around: Sequence[int]) -> tuple[IntArray, tuple[Reach, Reach]]:
+        """Return the places near some stops past which the path is faster than past them, the shortest path first.
 
         Args:
             around: The stops, with the stops or docks before and after them.
+
+        Returns:
+            The places, and the paths from the stops or docks before and after them.
         """
         paths, (before, *stops, after) = self._tours.paths, around
         stops_m = self._detectability.places_m[self._detectability.columns(np.array(stops))]
         low_m, high_m = stops_m.min(axis=0) - MOST_SHIFT_M, stops_m.max(axis=0) + MOST_SHIFT_M
         cells = self._stop_cells[((self._stops_m >= low_m) & (self._stops_m <= high_m)).all(axis=1)]
-        costs_m = [paths.reach_to(before, stops[-1]).costs_m(cells), paths.reach_to(after, stops[0]).costs_m(cells)]
-        old_m = sum(float(paths.reach_to(*leg).costs_m(np.array([leg[1]]))[0]) for leg in pairwise(around))
-        cost_m = np.sum(costs_m, axis=0)
-        is_better = cost_m < old_m + self._allowed_m(len(stops))
-        return cells[is_better][np.argsort(cost_m[is_better], kind="stable")].tolist()
+        within_m = sum(paths.cost_m(*leg) for leg in pairwise(around)) + (len(stops) - 1) * self._halt_m - MIN_GAIN_M
+        reaches = paths.reach(before, after, within_m), paths.reach(after, before, within_m)
+        cost_m = reaches[0].costs_m(cells) + reaches[1].costs_m(cells)
+        is_better = cost_m < within_m
+        return cells[is_better][np.argsort(cost_m[is_better], kind="stable")], reaches
+
+
+@compiled
+def _covering(
+    places: IntArray,
+    reaches: tuple[Reach, Reach],
+    is_passed: BoolArray,
+    column_of: IntArray,
+    where: tuple[IntArray, IntArray, FloatArray],
+    required: FloatArray,
+    targets: IntArray,
+) -> IntArray:
+    """Return the places past which a tour covers some targets as required.
+
+    Args:
+        places: Cells, shape (n,).
+        reaches: Paths from the stop before and from that after the place to the places.
+        is_passed: Mask of the columns that the rest of the tour passes, shape (n_cells,).
+        column_of: Column of each cell of the map.
+        where: First pair of each target, column of each pair, and its aspect; see `Detectability`.
+        required: Coverage that each target requires, shape (n_targets, 3).
+        targets: Indices of the targets.
+    """
+    covers = np.ones(places.size, np.bool_)
+    passed = np.empty(reaches[0].cells.size + reaches[1].cells.size, np.intp)
+    for k in range(places.size):
+        n = 0
+        for reach in reaches:
+            at = np.searchsorted(reach.cells, places[k])
+            while True:
+                column = column_of[reach.cells[at]]
+                if not is_passed[column]:
+                    passed[n], is_passed[column] = column, True
+                    n += 1
+                if reach.before[at] == at:
+                    break
+                at = reach.before[at]
+        for target in targets:
+            if (coverage_of_one(*where, is_passed, target) < required[target] - TINY_RAD).any():
+                covers[k] = False
+                break
+        is_passed[passed[:n]] = False
+    return places[covers]
