@@ -21,26 +21,31 @@ from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_wayp
 MOST_INCHES = 20.0
 """Longest side of a yard in a picture."""
 
+MOST_ROWS = 100
+"""Largest number of sites of which a table shows all; of more sites, it shows those that need attention."""
+
 BLIND_COLOUR = "#d50000"
 
 
 def sites_table(plan: Plan) -> Table:
-    """Return a table that shows how the tour detects each site.
+    """Return a table that shows how the tour detects each site, or of many sites, those that may not be confirmed.
 
     The columns are the height of the site, the highest level over the trigger, aperture and smallest distance along the
     tour, and the probability that the discharge of `[inspection]` would be confirmed.
     """
-    title = (
-        f"Sites along the tour of {plan.scenario.name}, lengths in metres: discharges of {plan.amplitude_v:g} V at 1 m"
-    )
+    sites, is_long = plan.detectability, len(plan.confirmed) > MOST_ROWS
+    which = f"Sites confirmed with less than {100 * CERTAIN:.0f} %" if is_long else "Sites"
+    tour = f"along the tour of {plan.scenario.name}, lengths in metres"
+    title = f"{which} {tour}: discharges of {plan.amplitude_v:g} V at 1 m"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("site", overflow="fold")
     for heading in ("z", "dB", "deg", "nearest", "confirmed"):
         table.add_column(heading, justify="right")
-    sites = plan.detectability
     rows = zip(sites.names, sites.positions_m, plan.detections(), plan.confirmed, strict=True)
     for name, position_m, detection, confirmed in rows:
         cells = ["-"] * 3
+        if is_long and (detection is None or confirmed >= CERTAIN):
+            continue
         if detection is not None:
             level_db, aperture_rad, nearest_m = detection
             cells = [f"{level_db:.1f}", f"{np.degrees(aperture_rad):.0f}", f"{nearest_m:.1f}"]
@@ -55,7 +60,7 @@ def summary(plan: Plan) -> str:
         f"{n_sites - len(plan.blind)} of {n_sites} sites detectable in sight, {MARGIN_DB:g} dB above the trigger",
         f"{len(plan.stops_m)} stops",
         f"{plan.tour.length_m:.0f} m",
-        f"at most {100 * plan.gap:.1f} % longer than the shortest past these stops",
+        f"at most {100 * plan.gap:.1f} % longer than the shortest past these stops, which may detect fewer sites",
         f"about {plan.driving_s:.0f} s of driving",
     ]
     stated, n_certain = plan.scenario.inspection, int((plan.confirmed >= CERTAIN).sum())
@@ -66,6 +71,15 @@ def summary(plan: Plan) -> str:
     if plan.driving_s + plan.dwell_s * len(plan.stops_m) > limit_s:
         parts.append(f"more than the time limit of {limit_s:.0f} s")
     return "; ".join(parts)
+
+
+def blind_sites(plan: Plan) -> str:
+    """Name the sites that no reachable place detects, by equipment."""
+    by_equipment = dict[str, list[str]]()
+    for name in plan.blind:
+        equipment, _, site = name.partition("/")
+        by_equipment.setdefault(equipment, []).append(site)
+    return "; ".join(f"{equipment}/{', '.join(sites)}" for equipment, sites in by_equipment.items())
 
 
 def as_json(plan: Plan) -> dict[str, Any]:
@@ -128,9 +142,11 @@ def draw_plan(plan: Plan, path: Path) -> None:
     axes.plot(*plan.path_m.T, color="#c2185b", linewidth=2.0, zorder=3, label="tour")
     draw_waypoints(axes, {"dock_m": plan.scenario.route.dock_m, "waypoints_m": plan.stops_m})
     axes.plot(*where.positions_m[:, :2].T, ".", color="black", markersize=4, zorder=6, label="site")
-    for name, position_m in zip(plan.blind, where.positions_m[where.is_blind, :2], strict=True):
-        label = "site that no reachable place detects"
-        axes.plot(*position_m, "X", color=BLIND_COLOUR, markersize=12, zorder=7, label=label)
+    blind_m = where.positions_m[where.is_blind, :2]
+    label = "site that no reachable place detects" if plan.blind else ""
+    axes.plot(*blind_m.T, "X", color=BLIND_COLOUR, markersize=min(12.0, 45.0 * scale), zorder=7, label=label)
+    equipment = {name.partition("/")[0]: position_m for name, position_m in zip(plan.blind, blind_m, strict=True)}
+    for name, position_m in equipment.items():
         axes.annotate(name, position_m, (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR)
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
     draw_legend(axes)

@@ -24,6 +24,14 @@ from pdpatrol.missions.planning.tour import ShortestTours, Tour, TourShortener
 DWELLS_S = (0.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
 """Times to stand at each stop, among which a plan chooses."""
 
+NEARLY_ALL = 0.95
+"""Share of these sites for which the time to stand suffices. Assumed; the last few sites of a large yard would need
+minutes at each of hundreds of stops."""
+
+POSE_STEP = 4
+"""Number of cells of the path for each pose from which the robot listens, 1.2 s of driving at 0.8 m/s. Assumed; pulses
+count in windows of 5 s."""
+
 HALT_S = 2.0
 """Time for each stop, and for the dock at the end. Measured on patrols of six random yards: 1.1 to 2.4 s at 0.8 m/s,
 including the turns between stops."""
@@ -85,14 +93,14 @@ class Plan:
 
     @cached_property
     def dwell_s(self) -> float:
-        """Shortest of `DWELLS_S` with which all sites are confirmed for certain that are with the longest."""
-        n_sites, shortest_s = len(self.detectability.names), DWELLS_S[0]
-        left = np.flatnonzero(self._confirmations(shortest_s, np.arange(n_sites)) < CERTAIN)
-        left = left[self._confirmations(DWELLS_S[-1], left) >= CERTAIN]
-        for dwell_s in DWELLS_S[1:]:
-            if left.size > 0:
-                shortest_s, left = dwell_s, left[self._confirmations(dwell_s, left) < CERTAIN]
-        return shortest_s
+        """Shortest of `DWELLS_S` with which nearly all sites are confirmed for certain that are with the longest."""
+        left, n_left = np.arange(len(self.detectability.names)), list[int]()
+        for dwell_s in DWELLS_S:
+            left = left[self._confirmations(dwell_s, left) < CERTAIN]
+            n_left.append(left.size)
+        n_most = len(self.detectability.names) - n_left[-1]
+        is_enough = [n - n_left[-1] <= (1.0 - NEARLY_ALL) * n_most for n in n_left]
+        return DWELLS_S[is_enough.index(True)]
 
     @cached_property
     def confirmed(self) -> FloatArray:
@@ -111,7 +119,10 @@ class Plan:
             return np.zeros(len(sites_m))
         stops = np.flatnonzero(np.isin(self.tour.cells, self.tour.stops))
         stops = stops[np.unique(self.tour.cells[stops], return_index=True)[1]]  # it may pass a stop again
-        passes = Passes.along(self.path_m, self.scenario.robot.description.max_speed_mps, stops, dwell_s)
+        is_pose = np.arange(len(self.path_m)) % POSE_STEP == 0
+        is_pose[stops] = is_pose[-1] = True
+        speed_mps, at = self.scenario.robot.description.max_speed_mps, np.cumsum(is_pose) - 1
+        passes = Passes.along(self.path_m[is_pose], speed_mps, at[stops], dwell_s)
         model = ConfirmationModel(self.scenario, self.site_map.sight)
         views = (model.views(passes, site_m) for site_m in sites_m)
         return np.array([model.chances(each, stated.level_dbv, stated.rate_hz).confirmed for each in views])
