@@ -28,7 +28,13 @@ from dirmusic.arrays import FloatArray
 _Function = TypeVar("_Function", bound=Callable[..., object])
 _Value = TypeVar("_Value")
 
-KERNEL_PACKAGES = ("dirmusic", "pdpatrol/sensing", "pdpatrol/envs", "pdpatrol/robot_models")
+KERNEL_PACKAGES = (
+    "dirmusic",
+    "pdpatrol/sensing",
+    "pdpatrol/envs",
+    "pdpatrol/robot_models",
+    "pdpatrol/missions/planning",
+)
 """Packages with compiled functions, relative to the parent folder of this package."""
 
 KEPT_VERSIONS = 4

@@ -9,7 +9,7 @@ from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder, Settings
 from pdpatrol.missions.cli.terminal import out, output_folder, print_written, progress_bar, refuse
-from pdpatrol.missions.planning.output import as_json, as_toml, draw_plan, sites_table, summary
+from pdpatrol.missions.planning.output import as_json, as_toml, blind_sites, draw_plan, sites_table, summary
 from pdpatrol.missions.planning.plan import make_plan
 from pdpatrol.missions.sweep.plan import parse_grid
 
@@ -57,5 +57,5 @@ def plan(
     out.print(sites_table(made))
     out.print(summary(made), soft_wrap=True)
     if made.blind:
-        out.print(f"Not detectable from any reachable place: {', '.join(made.blind)}", style="yellow")
+        out.print(f"Not detectable from any reachable place: {blind_sites(made)}", style="yellow")
     print_written(folder, "plan.png", "plan.json", "route.toml")

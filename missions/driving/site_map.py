@@ -104,6 +104,7 @@ class SiteMap:
         centres_m: Cell centres, shape (n_cells, 2).
         clearance_m: Distance from each cell centre to equipment, fence or obstacle, shape (n_cells,).
         is_free: True for cells on which the robot fits, shape (n_cells,).
+        moves: Costs of the moves between neighbouring free cells, at least `CELL_M`, shape (n_cells, n_cells).
         antenna_height_m: Height of the array above the ground.
         bearing_std_rad: Standard deviation of bearings from the uncertainty of array and heading.
         position_std_m: Standard deviation of the robot's position, along x and along y.
@@ -141,7 +142,7 @@ class SiteMap:
         self.is_free = self.clearance_m >= self.robot.footprint_radius_m + MARGIN_M
         self._free_cells = np.flatnonzero(self.is_free)
         self._free_tree = KDTree(self.centres_m[self._free_cells])
-        self._graph = self._moves()
+        self.moves = self._moves()
 
     def clearance(self, points_m: FloatArray) -> FloatArray:
         """Return the distance from points (..., 2) to equipment, fence or obstacle, shape (...)."""
@@ -164,16 +165,21 @@ class SiteMap:
         """Build the graph of moves over free cells; moves close to equipment cost more."""
         n_cells, n_y = self.is_free.size, round(self.yard.size_m[1] / CELL_M)
         price = 1.0 + np.clip((COMFORT_M - self.clearance_m) / COMFORT_M, 0.0, 1.0)
-        moves = []
+        steps = np.array([n_y * dx + dy for dx, dy in _MOVES])
+        steps = np.sort(np.concatenate([steps, -steps]))
+        costs = np.zeros((n_cells, steps.size))
         for dx, dy in _MOVES:
             by_x, by_y = (np.array([0, int(by / 2), by - int(by / 2), by]) for by in (dx, dy))
             # A move that leaves the grid wraps around to cells along the south or west fence, which are never free.
             passed = (self._free_cells + (n_y * by_x + by_y)[:, np.newaxis]) % n_cells
             passed = passed[:, self.is_free[passed].all(axis=0)]
-            cost = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0)
-            moves += [(cost, passed[0], passed[-1]), (cost, passed[-1], passed[0])]
-        costs, starts, ends = map(np.concatenate, zip(*moves, strict=True))
-        return csr_array((costs, (starts, ends)), shape=(n_cells, n_cells))
+            cost, step = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0), n_y * dx + dy
+            costs[passed[0], np.searchsorted(steps, step)] = cost
+            costs[passed[-1], np.searchsorted(steps, -step)] = cost
+        is_move = costs > 0.0
+        ends = (np.arange(n_cells, dtype=np.int32)[:, np.newaxis] + steps.astype(np.int32))[is_move]
+        begins = np.append(0, np.cumsum(np.count_nonzero(is_move, axis=1), dtype=np.int32)).astype(np.int32)
+        return csr_array((costs[is_move], ends, begins), shape=(n_cells, n_cells))
 
     def cell(self, point_m: ArrayLike) -> int:
         """Return the free cell nearest to a point (2,)."""
@@ -185,7 +191,7 @@ class SiteMap:
 
     def reach(self, point_m: ArrayLike) -> ShortestPaths:
         """Find the shortest paths from a point (2,) to all cells."""
-        length_m, before = dijkstra(self._graph, indices=self.nearest_free(point_m), return_predecessors=True)
+        length_m, before = dijkstra(self.moves, indices=self.nearest_free(point_m), return_predecessors=True)
         return ShortestPaths(length_m, np.where(before >= 0, before, np.arange(before.size)), self)
 
     def shortest_tour(self, places_m: Sequence[FloatArray], within_m: float) -> float:

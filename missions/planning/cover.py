@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.optimize import Bounds, LinearConstraint, linprog, milp
+from scipy.sparse import csr_array
 
 from dirmusic.angles import aperture, difference, wrap
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.missions.planning.detectability import Detectability
 
 GAP = 0.25
@@ -25,24 +27,59 @@ MIN_CELLS = 12
 second, nearly four times the pulses needed to confirm a finding."""
 
 
-def coverage(detectability: Detectability, cells: IntArray, targets: BoolArray | None = None) -> FloatArray:
-    """Return how well some cells of the map cover targets, shape (n_targets, 3).
+def coverage(detectability: Detectability, cells: IntArray) -> FloatArray:
+    """Return how well some reachable cells of the map cover all targets, shape (n_targets, 3); see `coverage_of`."""
+    is_seen = np.zeros(detectability.cells.size, dtype=np.bool_)
+    is_seen[detectability.columns(cells)] = True
+    return coverage_of(detectability, is_seen, np.arange(len(detectability.names)))
+
+
+def coverage_of(detectability: Detectability, is_seen: BoolArray, targets: IntArray) -> FloatArray:
+    """Return how well some columns cover targets, shape (n_targets, 3).
 
     Args:
         detectability: Places from which targets are detectable.
-        cells: Reachable cells; duplicates count once.
-        targets: Mask of the targets, shape (n_targets,); by default all.
+        is_seen: Mask of the columns, shape (n_cells,).
+        targets: Indices of the targets, shape (n_targets,).
 
     Returns:
         Aperture in radians: the narrowest arc that contains the aspects of all cells that detect the target; the same
         for lines of sight, whose two directions are equivalent, so at most 90 degrees; number of cells that detect the
         target.
     """
-    rows, columns = slice(None) if targets is None else targets, detectability.columns(np.unique(cells))
-    aspect_rad, detects = detectability.aspect_rad[:, columns][rows], detectability.is_detectable[:, columns][rows]
-    seen_rad = (aspects[mask] for aspects, mask in zip(aspect_rad, detects, strict=True))
-    each = [(aperture(seen), min(0.5 * aperture(2.0 * seen), 0.5 * np.pi), seen.size) for seen in seen_rad]
-    return np.array(each, dtype=np.float64).reshape(-1, 3)
+    return _coverage(detectability.first, detectability.column, detectability.aspect_rad, is_seen, targets)
+
+
+@compiled
+def _coverage(
+    first: IntArray, column: IntArray, aspect_rad: FloatArray, is_seen: BoolArray, targets: IntArray
+) -> FloatArray:
+    """Return the coverage of targets from their pairs, which are sorted by aspect."""
+    covered = np.zeros((targets.size, 3))
+    for row, target in enumerate(targets):
+        covered[row] = coverage_of_one(first, column, aspect_rad, is_seen, target)
+    return covered
+
+
+@compiled_inner
+def coverage_of_one(
+    first: IntArray, column: IntArray, aspect_rad: FloatArray, is_seen: BoolArray, target: int
+) -> FloatArray:
+    """Return the coverage of one target, shape (3,), in compiled functions; see `coverage_of`."""
+    pairs = np.arange(first[target], first[target + 1])
+    seen_rad = aspect_rad[pairs[is_seen[column[pairs]]]]
+    crossing_rad = 0.5 * _spread(np.sort(np.mod(2.0 * seen_rad, 2.0 * np.pi)))
+    return np.array([_spread(seen_rad), min(crossing_rad, 0.5 * np.pi), float(seen_rad.size)])
+
+
+@compiled_inner
+def _spread(ascending_rad: FloatArray) -> float:
+    """Return the aperture of ascending angles, 0 for less than two; see `angles.aperture`."""
+    n = ascending_rad.size
+    widest_rad = 2.0 * np.pi - (ascending_rad[n - 1] - ascending_rad[0]) if n > 0 else 2.0 * np.pi
+    for k in range(n - 1):
+        widest_rad = max(widest_rad, ascending_rad[k + 1] - ascending_rad[k])
+    return 2.0 * np.pi - widest_rad
 
 
 def candidates(detectability: Detectability, clearance_m: FloatArray, required_rad: FloatArray) -> IntArray:
@@ -60,13 +97,13 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
         Columns, ascending.
     """
     square = np.floor(detectability.places_m / 2.0).astype(np.intp) @ np.array([1_000_000, 1])
-    useful = np.flatnonzero(detectability.is_detectable.any(axis=0))
+    useful = np.unique(detectability.column)
     useful = useful[np.lexsort((-clearance_m[useful], square[useful]))]
     chosen = np.zeros(square.size, dtype=np.bool_)
     chosen[useful[np.unique(square[useful], return_index=True)[1]]] = True
-    for k in np.flatnonzero(~detectability.is_blind):
-        own, required = np.flatnonzero(detectability.is_detectable[k]), required_rad[k] - TINY_RAD
-        aspect_rad = detectability.aspect_rad[k, own]
+    for k in np.flatnonzero(~detectability.is_blind).tolist():
+        pairs, required = detectability.pairs(k), required_rad[k] - TINY_RAD
+        own, aspect_rad = detectability.column[pairs], detectability.aspect_rad[pairs]
         if aperture(aspect_rad[chosen[own]]) < required:
             chosen[own[_ends(aspect_rad)]] = True
         while aperture(aspect_rad[chosen[own]]) < required:
@@ -95,7 +132,8 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
 
     .. math:: \min \sum_k x_k, \quad \sum_{k: \, (\theta_k - \theta_j) \bmod 2 \pi \, \geq w} x_k \geq 1
 
-    for all targets and all their columns j.
+    for all targets and all their columns j. The programme is first solved with fractions, and then in whole numbers
+    with the columns that this solution uses.
 
     Args:
         detectability: Places from which targets are detectable.
@@ -105,25 +143,36 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
     Returns:
         Some of the columns, ascending.
     """
-    conditions: list[BoolArray] = []
-    for k in np.flatnonzero(~detectability.is_blind):
-        detects = detectability.is_detectable[k, columns]
-        aspect_rad = detectability.aspect_rad[k, columns]
-        along = np.mod(aspect_rad - aspect_rad[detects][:, np.newaxis] + 0.5 * TINY_RAD, 2 * np.pi)
-        outside = detects & (along >= required_rad[k] - 0.5 * TINY_RAD)
-        conditions.append(_strictest(outside) if required_rad[k] > 0.0 else detects[np.newaxis])
-    if not conditions:
+    is_candidate = np.zeros(detectability.cells.size, dtype=np.bool_)
+    is_candidate[columns] = True
+    conditions = [np.empty(0, dtype=np.intp)]
+    for k in np.flatnonzero(~detectability.is_blind).tolist():
+        pairs = detectability.pairs(k)
+        own, aspect_rad = detectability.column[pairs], detectability.aspect_rad[pairs]
+        own, aspect_rad = own[is_candidate[own]], aspect_rad[is_candidate[own]]
+        along = np.mod(aspect_rad - aspect_rad[:, np.newaxis] + 0.5 * TINY_RAD, 2 * np.pi)
+        outside = along >= required_rad[k] - 0.5 * TINY_RAD
+        rows = _strictest(outside) if required_rad[k] > 0.0 else np.ones((1, own.size), dtype=np.bool_)
+        conditions += [own[row] for row in rows]
+    n_terms = [len(own) for own in conditions]
+    term = np.searchsorted(columns, np.concatenate(conditions))
+    matrix = csr_array((np.ones(term.size), term, np.cumsum(n_terms)), shape=(len(conditions) - 1, columns.size))
+    if matrix.shape[0] == 0:
         return np.empty(0, dtype=np.intp)
+    relaxed = linprog(np.ones(columns.size), A_ub=-matrix, b_ub=-np.ones(matrix.shape[0]), bounds=(0.0, 1.0))
+    if relaxed.x is None:
+        raise RuntimeError(f"no cover of the yard was found: {relaxed.message}")
+    used = np.flatnonzero(relaxed.x > 1e-7)  # tolerance of the solver
     solution = milp(
-        np.ones(columns.size),
-        integrality=[1],
+        np.ones(used.size),
+        integrality=1,
         bounds=Bounds(0.0, 1.0),
-        constraints=LinearConstraint(np.concatenate(conditions), 1.0),
+        constraints=LinearConstraint(matrix[:, used], 1.0),
         options={"mip_rel_gap": GAP, "node_limit": 500},
     )
     if solution.x is None:
         raise RuntimeError(f"no cover of the yard was found: {solution.message}")
-    return columns[solution.x > 0.5]
+    return columns[used[solution.x > 0.5]]
 
 
 def _strictest(conditions: BoolArray) -> BoolArray:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import minimum_filter
 
-from dirmusic.angles import aperture
+from dirmusic.angles import aperture, azimuth_of
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from pdpatrol.envs import Scenario
@@ -24,34 +25,40 @@ MARGIN_DB = 3.0
 
 
 class Detectability(NamedTuple):
-    """Places from which targets are detectable; rows are targets, columns are reachable cells of the map.
+    """Places from which targets are detectable: pairs of a target and a reachable cell of the map that detects it.
+
+    Pairs are sorted by target, then by aspect.
 
     Attributes:
         names: Names of the targets; `equipment/site`, or `air/NUMBER` on a map without sites.
         positions_m: Their positions, shape (n_targets, 3), world frame.
-        cells: Numbers of the cells in the map, ascending, shape (n_cells,).
+        cells: Numbers of the reachable cells in the map, ascending, shape (n_cells,).
         places_m: Centres of the cells, shape (n_cells, 2).
-        level_db: Level of the direct path over the trigger, shape (n_targets, n_cells); minus infinity behind metal and
-            where it was not computed.
-        range_m: Horizontal distance, shape (n_targets, n_cells).
-        aspect_rad: Horizontal direction from the target to the cell, world frame, shape (n_targets, n_cells).
-        is_detectable: True where the target is in sight, `MARGIN_DB` above the trigger and near enough, and where the
-            same holds for all reachable cells within 0.5 m if the target has such places; shape (n_targets, n_cells).
+        first: Index of the first pair of each target, and the number of pairs, shape (n_targets + 1,).
+        column: Index of the cell of each pair in `cells`, shape (n_pairs,).
+        level_db: Level of the direct path over the trigger, shape (n_pairs,).
+        range_m: Horizontal distance, shape (n_pairs,).
+        aspect_rad: Horizontal direction from the target to the cell, world frame, shape (n_pairs,).
     """
 
     names: tuple[str, ...]
     positions_m: FloatArray
     cells: IntArray
     places_m: FloatArray
+    first: IntArray
+    column: IntArray
     level_db: FloatArray
     range_m: FloatArray
     aspect_rad: FloatArray
-    is_detectable: BoolArray
 
     @property
     def is_blind(self) -> BoolArray:
         """True for targets that no reachable cell detects, shape (n_targets,)."""
-        return np.asarray(~self.is_detectable.any(axis=1))
+        return np.diff(self.first) == 0
+
+    def pairs(self, target: int) -> slice:
+        """Return the pairs of a target."""
+        return slice(int(self.first[target]), int(self.first[target + 1]))
 
     def columns(self, cells: IntArray) -> IntArray:
         """Return the columns of reachable cells of the map, same shape."""
@@ -75,54 +82,103 @@ def targets_of(site_map: SiteMap, spacing_m: float) -> tuple[tuple[str, ...], Fl
     return tuple(f"air/{number}" for number in range(1, len(free_m) + 1)), np.array(free_m).reshape(-1, 3)
 
 
-def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V) -> Detectability:
+def compute_detectability(
+    scenario: Scenario,
+    site_map: SiteMap,
+    amplitude_v: float = AMPLITUDE_V,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Detectability:
     """Compute the cells from which each target is detectable; the sources of the scenario are ignored.
 
-    For a target that is not detectable within the confirmation range, cells at any range are tried, and those up to 1 m
-    (assumed) farther than the nearest one that detects it count. A target keeps isolated cells if it would otherwise
-    have less aperture than confirmation requires.
+    A cell detects a target if it has the target in sight, `MARGIN_DB` above the trigger and near enough. For a target
+    that is not detectable within the confirmation range, cells at any range are tried, and those up to 1 m (assumed)
+    farther than the nearest one that detects it count. Only cells count around which all reachable cells within 0.5 m
+    detect the target as well, unless the target would then have less aperture than confirmation requires.
 
     Args:
         scenario: Array, receiver, route and rules of locating.
         site_map: Map of that scenario.
         amplitude_v: Peak of the discharge in a unit-gain channel 1 m away, > 0.
+        progress: Function that is called with the fraction of the targets that are done.
     """
     rules = scenario.locating.rules()
-    within_m = rules.confirm_range_m
-    names, positions_m = targets_of(site_map, within_m)
+    names, positions_m = targets_of(site_map, rules.confirm_range_m)
     cells = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m))
-    places_m = site_map.centres_m[cells]
-    away_m = places_m - positions_m[:, np.newaxis, :2]
-    range_m = np.linalg.norm(away_m, axis=-1)
-    level_db, is_detectable = np.full(range_m.shape, -np.inf), np.zeros(range_m.shape, dtype=np.bool_)
+    shape = tuple(round(size / CELL_M) for size in site_map.yard.size_m)
+    column_of = np.full(shape[0] * shape[1], -1)
+    column_of[cells] = np.arange(cells.size)
+    places_m, ground = site_map.centres_m[cells], column_of.reshape(shape)
     direct = DirectPaths(scenario.array, scenario.receiver, site_map.sight)
+    found = [(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0), np.empty(0))]
     for k, target_m in enumerate(positions_m):
-        for near in (range_m[k] <= within_m, range_m[k] > within_m):
-            transmission, level_db[k, near] = direct.levels(places_m[near], target_m, amplitude_v)
-            is_detectable[k, near] = (transmission >= MIN_TRANSMISSION) & (level_db[k, near] >= MARGIN_DB)
-            if is_detectable[k].any():
-                break
-        nearest_m = range_m[k, is_detectable[k]].min(initial=np.inf)
-        is_detectable[k] &= range_m[k] <= max(within_m, nearest_m + 1.0)
-    aspect_rad = np.arctan2(away_m[..., 1], away_m[..., 0])
-    is_robust = _robust(is_detectable, cells, site_map)
-    for k, aspects in enumerate(aspect_rad):
-        required_rad = min(aperture(aspects[is_detectable[k]]), rules.planned_aperture_rad)
-        if is_robust[k].any() and aperture(aspects[is_robust[k]]) >= required_rad:
-            is_detectable[k] = is_robust[k]
-    return Detectability(names, positions_m, cells, places_m, level_db, range_m, aspect_rad, is_detectable)
+        progress(k / len(positions_m))
+        column, range_m, level_db = _detecting(target_m, ground, places_m, direct, rules.confirm_range_m, amplitude_v)
+        aspect_rad = azimuth_of(places_m[column] - target_m[:2])
+        required_rad = min(aperture(aspect_rad), rules.planned_aperture_rad)
+        robust = _is_robust(column, ground, places_m)
+        order = np.argsort(aspect_rad, kind="stable")
+        if robust.any() and aperture(aspect_rad[robust]) >= required_rad:
+            order = order[robust[order]]
+        found.append((column[order], level_db[order], range_m[order], aspect_rad[order]))
+    first = np.cumsum([len(column) for column, *_ in found])
+    return Detectability(names, positions_m, cells, places_m, first, *map(np.concatenate, zip(*found, strict=True)))
 
 
-def _robust(is_detectable: BoolArray, cells: IntArray, site_map: SiteMap) -> BoolArray:
-    """Return the cells around which all reachable cells detect as well, shape (n_targets, n_cells).
+def _detecting(
+    target_m: FloatArray,
+    ground: IntArray,
+    places_m: FloatArray,
+    direct: DirectPaths,
+    within_m: float,
+    amplitude_v: float,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the columns of the cells that detect a target, with horizontal distance and level over the trigger.
+
+    Args:
+        target_m: The target, shape (3,).
+        ground: Column of each cell of the map, -1 for unreachable cells, shape (n_x, n_y).
+        places_m: Places of the columns, shape (n_cells, 2).
+        direct: Levels along the direct path.
+        within_m: Range within which all cells count.
+        amplitude_v: Peak of the discharge.
+    """
+    farthest_m, reach_m = direct.largest_range_m(amplitude_v), within_m
+    while True:
+        column = _block(ground, target_m, target_m, reach_m)
+        column = column[column >= 0]
+        range_m = np.linalg.norm(places_m[column] - target_m[:2], axis=-1)
+        column, range_m = column[range_m <= reach_m], range_m[range_m <= reach_m]
+        transmission, level_db = direct.levels(places_m[column], target_m, amplitude_v)
+        detects = (transmission >= MIN_TRANSMISSION) & (level_db >= MARGIN_DB)
+        limit_m = max(within_m, range_m[detects].min(initial=np.inf) + 1.0)
+        if np.isinf(limit_m) and reach_m < farthest_m:
+            reach_m = min(2.0 * reach_m, farthest_m)
+        elif reach_m < limit_m < np.inf:
+            reach_m = limit_m
+        else:
+            detects &= range_m <= limit_m
+            return column[detects], range_m[detects], level_db[detects]
+
+
+def _block(ground: IntArray, low_m: FloatArray, high_m: FloatArray, margin_m: float) -> IntArray:
+    """Return the part of a grid of cells (n_x, n_y) that contains all cells up to a margin from a rectangle."""
+    (x, y), (x_end, y_end) = (
+        np.maximum(np.floor((corner_m[:2] + sign * margin_m) / CELL_M).astype(np.intp) + one, 0)
+        for corner_m, sign, one in ((low_m, -1.0, 0), (high_m, 1.0, 1))
+    )
+    return ground[x:x_end, y:y_end]
+
+
+def _is_robust(column: IntArray, ground: IntArray, places_m: FloatArray) -> BoolArray:
+    """Return which of some cells have none but them among the reachable cells around, same shape.
 
     The robot deviates from its path by up to two cells, 0.5 m (assumed).
     """
-    shape = tuple(round(size / CELL_M) for size in site_map.yard.size_m)
-    ground = np.ones((len(is_detectable), shape[0] * shape[1]), dtype=np.bool_)  # unreachable cells do not count
-    ground[:, cells] = is_detectable
-    around = minimum_filter(ground.reshape(-1, *shape), size=(1, 5, 5), mode="constant", cval=True)
-    return around.reshape(ground.shape)[:, cells]
+    if column.size == 0:
+        return np.empty(0, dtype=np.bool_)
+    block = _block(ground, places_m[column].min(axis=0), places_m[column].max(axis=0), 2 * CELL_M)
+    around = minimum_filter(np.isin(block, column) | (block < 0), size=5, mode="constant", cval=True)
+    return np.isin(column, block[around])
 
 
 class DirectPaths:
@@ -145,6 +201,10 @@ class DirectPaths:
         trigger = Receiver(receiver, array.n_channels)
         self._trigger_v = trigger.threshold_v / trigger.front_end.pulse_peak  # before the band-pass filter
         self._sight = sight
+
+    def largest_range_m(self, amplitude_v: float) -> float:
+        """Return a distance beyond which no discharge of this amplitude is `MARGIN_DB` above the trigger."""
+        return amplitude_v * self._worst_gain.max() / (self._trigger_v * 10 ** (MARGIN_DB / 20))
 
     def levels(
         self, places_m: FloatArray, target_m: FloatArray, amplitude_v: float = AMPLITUDE_V

@@ -12,31 +12,40 @@ from matplotlib.ticker import MaxNLocator
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from pdpatrol.missions.driving.site_map import CELL_M
 from pdpatrol.missions.planning.confirmation_probability import CERTAIN
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan
 from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard
 
+MOST_INCHES = 20.0
+"""Longest side of a yard in a picture."""
+
+MOST_ROWS = 100
+"""Largest number of sites of which a table shows all; of more sites, it shows those that need attention."""
+
 BLIND_COLOUR = "#d50000"
 
 
 def sites_table(plan: Plan) -> Table:
-    """Return a table that shows how the tour detects each site.
+    """Return a table that shows how the tour detects each site, or of many sites, those that may not be confirmed.
 
     The columns are the height of the site, the highest level over the trigger, aperture and smallest distance along the
     tour, and the probability that the discharge of `[inspection]` would be confirmed.
     """
-    title = (
-        f"Sites along the tour of {plan.scenario.name}, lengths in metres: discharges of {plan.amplitude_v:g} V at 1 m"
-    )
+    sites, is_long = plan.detectability, len(plan.confirmed) > MOST_ROWS
+    which = f"Sites confirmed with less than {100 * CERTAIN:.0f} %" if is_long else "Sites"
+    tour = f"along the tour of {plan.scenario.name}, lengths in metres"
+    title = f"{which} {tour}: discharges of {plan.amplitude_v:g} V at 1 m"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("site", overflow="fold")
     for heading in ("z", "dB", "deg", "nearest", "confirmed"):
         table.add_column(heading, justify="right")
-    sites = plan.detectability
-    rows = zip(sites.names, sites.positions_m, plan.detections(), plan.confirmations(plan.dwell_s), strict=True)
+    rows = zip(sites.names, sites.positions_m, plan.detections(), plan.confirmed, strict=True)
     for name, position_m, detection, confirmed in rows:
         cells = ["-"] * 3
+        if is_long and (detection is None or confirmed >= CERTAIN):
+            continue
         if detection is not None:
             level_db, aperture_rad, nearest_m = detection
             cells = [f"{level_db:.1f}", f"{np.degrees(aperture_rad):.0f}", f"{nearest_m:.1f}"]
@@ -51,9 +60,10 @@ def summary(plan: Plan) -> str:
         f"{n_sites - len(plan.blind)} of {n_sites} sites detectable in sight, {MARGIN_DB:g} dB above the trigger",
         f"{len(plan.stops_m)} stops",
         f"{plan.tour.length_m:.0f} m",
+        f"at most {100 * plan.gap:.1f} % longer than the shortest past these stops, which may detect fewer sites",
         f"about {plan.driving_s:.0f} s of driving",
     ]
-    stated, n_certain = plan.scenario.inspection, int((plan.confirmations(plan.dwell_s) >= CERTAIN).sum())
+    stated, n_certain = plan.scenario.inspection, int((plan.confirmed >= CERTAIN).sum())
     parts.append(
         f"with {plan.dwell_s:g} s at each stop, {n_certain} sites at which {stated.level_dbv:g} dBV at 1 m and "
         f"{stated.rate_hz:g}/s would be confirmed with {100 * CERTAIN:.0f} %"
@@ -61,6 +71,15 @@ def summary(plan: Plan) -> str:
     if plan.driving_s + plan.dwell_s * len(plan.stops_m) > limit_s:
         parts.append(f"more than the time limit of {limit_s:.0f} s")
     return "; ".join(parts)
+
+
+def blind_sites(plan: Plan) -> str:
+    """Name the sites that no reachable place detects, by equipment."""
+    by_equipment = dict[str, list[str]]()
+    for name in plan.blind:
+        equipment, _, site = name.partition("/")
+        by_equipment.setdefault(equipment, []).append(site)
+    return "; ".join(f"{equipment}/{', '.join(sites)}" for equipment, sites in by_equipment.items())
 
 
 def as_json(plan: Plan) -> dict[str, Any]:
@@ -75,6 +94,7 @@ def as_json(plan: Plan) -> dict[str, Any]:
             "dock_m": list(plan.scenario.route.dock_m),
             "waypoints_m": plan.stops_m.tolist(),
             "length_m": plan.tour.length_m,
+            "bound_m": plan.bound_m,
             "dwell_s": plan.dwell_s,
             "driving_s": plan.driving_s,
             "path_m": plan.path_m.tolist(),
@@ -88,7 +108,7 @@ def as_json(plan: Plan) -> dict[str, Any]:
                 "detection": None if detection is None else detection._asdict(),
             }
             for k, (name, detection, confirmed) in enumerate(
-                zip(sites.names, plan.detections(), plan.confirmations(plan.dwell_s).tolist(), strict=True)
+                zip(sites.names, plan.detections(), plan.confirmed.tolist(), strict=True)
             )
         ],
         "blind": list(plan.blind),
@@ -104,12 +124,16 @@ def as_toml(plan: Plan) -> str:
 def draw_plan(plan: Plan, path: Path) -> None:
     """Draw the number of sites detectable from each place, the tour, and undetectable sites, to a PNG file."""
     size_m, where = np.array(plan.site_map.yard.size_m), plan.detectability
-    figure = Figure(figsize=(0.27 * size_m[0] + 2.7, 0.27 * size_m[1] + 2.4), layout="constrained")  # inches
+    scale = min(0.27, MOST_INCHES / size_m.max())
+    figure = Figure(figsize=(scale * size_m[0] + 2.7, scale * size_m[1] + 2.4), layout="constrained")  # inches
     axes = figure.subplots()
     axes.set_facecolor("#f2f2f2")
-    n_sites = where.is_detectable.sum(axis=0)
-    cells = axes.scatter(
-        *where.places_m.T, c=n_sites, s=20, linewidths=0, marker="s", cmap="YlGnBu", alpha=0.85, zorder=0
+    n_sites = np.full(plan.site_map.is_free.shape, np.nan)
+    n_sites[where.cells] = np.bincount(where.column, minlength=where.cells.size)
+    shape = tuple(round(size / CELL_M) for size in size_m)
+    extent = (0.0, CELL_M * shape[0], 0.0, CELL_M * shape[1])
+    cells = axes.imshow(
+        n_sites.reshape(shape).T, cmap="YlGnBu", alpha=0.85, origin="lower", extent=extent, zorder=0, aspect="equal"
     )
     bar = figure.colorbar(cells, ax=axes, shrink=0.8, pad=0.015, ticks=MaxNLocator(8, integer=True))
     bar.set_label(f"sites in sight within {plan.scenario.locating.rules().confirm_range_m:g} m; grey: out of reach")
@@ -118,9 +142,11 @@ def draw_plan(plan: Plan, path: Path) -> None:
     axes.plot(*plan.path_m.T, color="#c2185b", linewidth=2.0, zorder=3, label="tour")
     draw_waypoints(axes, {"dock_m": plan.scenario.route.dock_m, "waypoints_m": plan.stops_m})
     axes.plot(*where.positions_m[:, :2].T, ".", color="black", markersize=4, zorder=6, label="site")
-    for name, position_m in zip(plan.blind, where.positions_m[where.is_blind, :2], strict=True):
-        label = "site that no reachable place detects"
-        axes.plot(*position_m, "X", color=BLIND_COLOUR, markersize=12, zorder=7, label=label)
+    blind_m = where.positions_m[where.is_blind, :2]
+    label = "site that no reachable place detects" if plan.blind else ""
+    axes.plot(*blind_m.T, "X", color=BLIND_COLOUR, markersize=min(12.0, 45.0 * scale), zorder=7, label=label)
+    equipment = {name.partition("/")[0]: position_m for name, position_m in zip(plan.blind, blind_m, strict=True)}
+    for name, position_m in equipment.items():
         axes.annotate(name, position_m, (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR)
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
     draw_legend(axes)

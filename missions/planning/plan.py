@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dirmusic.arrays import FloatArray
+from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
 from pdpatrol.envs.scenario.scenario import PLANNED
@@ -23,6 +23,14 @@ from pdpatrol.missions.planning.tour import ShortestTours, Tour, TourShortener
 
 DWELLS_S = (0.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
 """Times to stand at each stop, among which a plan chooses."""
+
+NEARLY_ALL = 0.95
+"""Share of these sites for which the time to stand suffices. Assumed; the last few sites of a large yard would need
+minutes at each of hundreds of stops."""
+
+POSE_STEP = 4
+"""Number of cells of the path for each pose from which the robot listens, 1.2 s of driving at 0.8 m/s. Assumed; pulses
+count in windows of 5 s."""
 
 HALT_S = 2.0
 """Time for each stop, and for the dock at the end. Measured on patrols of six random yards: 1.1 to 2.4 s at 0.8 m/s,
@@ -42,6 +50,7 @@ class Plan:
             the aperture that routes are planned for, or the widest possible if that is smaller. The others are the
             values of the tour before shortening, limited to `CROSSING_RAD` and `MIN_CELLS`.
         tour: The tour; only the dock's cell if nothing is detectable.
+        bound_m: Lower bound of the length of all tours past the same stops.
         stops_m: Stops of the tour in order, shape (n_stops, 2), world frame.
         path_m: Path of the tour from the dock and back, shape (n, 2).
         driving_s: Approximate duration of the tour without dwelling at its stops.
@@ -53,9 +62,15 @@ class Plan:
     detectability: Detectability
     required: FloatArray
     tour: Tour
+    bound_m: float
     stops_m: FloatArray
     path_m: FloatArray
     driving_s: float
+
+    @property
+    def gap(self) -> float:
+        """Relative optimality gap: largest fraction by which the tour is longer than the shortest past its stops."""
+        return self.tour.length_m / self.bound_m - 1.0 if self.tour.length_m > 0.0 else 0.0
 
     @property
     def blind(self) -> tuple[str, ...]:
@@ -64,34 +79,53 @@ class Plan:
 
     def detections(self) -> list[SiteDetection | None]:
         """Return how the tour detects each site; None for sites that are not detectable from any reachable place."""
-        where, path = self.detectability, self.detectability.columns(self.tour.cells)
-        is_detected = where.is_detectable[:, path]
-        level_db = np.where(is_detected, where.level_db[:, path], -np.inf).max(axis=1)
-        nearest_m = np.where(is_detected, where.range_m[:, path], np.inf).min(axis=1)
-        rows = np.column_stack([level_db, coverage(where, self.tour.cells)[:, 0], nearest_m]).tolist()
-        return [None if blind else SiteDetection(*row) for row, blind in zip(rows, where.is_blind, strict=True)]
+        where, path = self.detectability, np.zeros(self.detectability.cells.size, dtype=np.bool_)
+        path[where.columns(self.tour.cells)] = True
+        found: list[SiteDetection | None] = []
+        for k, aperture_rad in enumerate(coverage(where, self.tour.cells)[:, 0].tolist()):
+            pairs = where.pairs(k)
+            is_seen = path[where.column[pairs]]
+            level_db, range_m = where.level_db[pairs][is_seen], where.range_m[pairs][is_seen]
+            found.append(
+                SiteDetection(float(level_db.max()), aperture_rad, float(range_m.min())) if len(range_m) else None
+            )
+        return found
 
-    def confirmations(self, dwell_s: float) -> FloatArray:
-        """Return the probability that the stated discharge would be confirmed at each site, shape (n_sites,).
+    @cached_property
+    def dwell_s(self) -> float:
+        """Shortest of `DWELLS_S` with which nearly all sites are confirmed for certain that are with the longest."""
+        left, n_left = np.arange(len(self.detectability.names)), list[int]()
+        for dwell_s in DWELLS_S:
+            left = left[self._confirmations(dwell_s, left) < CERTAIN]
+            n_left.append(left.size)
+        n_most = len(self.detectability.names) - n_left[-1]
+        is_enough = [n - n_left[-1] <= (1.0 - NEARLY_ALL) * n_most for n in n_left]
+        return DWELLS_S[is_enough.index(True)]
+
+    @cached_property
+    def confirmed(self) -> FloatArray:
+        """Probability that the stated discharge would be confirmed at each site, shape (n_sites,)."""
+        return self._confirmations(self.dwell_s, np.arange(len(self.detectability.names)))
+
+    def _confirmations(self, dwell_s: float, sites: IntArray) -> FloatArray:
+        """Return the probability that the stated discharge would be confirmed at sites, shape (n_sites,).
 
         Args:
             dwell_s: Time for which the robot stands at each stop.
+            sites: Indices of the sites.
         """
-        stated, sites_m = self.scenario.inspection, self.detectability.positions_m
+        stated, sites_m = self.scenario.inspection, self.detectability.positions_m[sites]
         if len(self.path_m) < 2:
             return np.zeros(len(sites_m))
         stops = np.flatnonzero(np.isin(self.tour.cells, self.tour.stops))
         stops = stops[np.unique(self.tour.cells[stops], return_index=True)[1]]  # it may pass a stop again
-        passes = Passes.along(self.path_m, self.scenario.robot.description.max_speed_mps, stops, dwell_s)
+        is_pose = np.arange(len(self.path_m)) % POSE_STEP == 0
+        is_pose[stops] = is_pose[-1] = True
+        speed_mps, at = self.scenario.robot.description.max_speed_mps, np.cumsum(is_pose) - 1
+        passes = Passes.along(self.path_m[is_pose], speed_mps, at[stops], dwell_s)
         model = ConfirmationModel(self.scenario, self.site_map.sight)
         views = (model.views(passes, site_m) for site_m in sites_m)
         return np.array([model.chances(each, stated.level_dbv, stated.rate_hz).confirmed for each in views])
-
-    @cached_property
-    def dwell_s(self) -> float:
-        """Shortest of `DWELLS_S` with which as many sites are confirmed for certain as with the longest."""
-        n_certain = [int((self.confirmations(dwell_s) >= CERTAIN).sum()) for dwell_s in DWELLS_S]
-        return DWELLS_S[n_certain.index(max(n_certain))]
 
 
 class SiteDetection(NamedTuple):
@@ -118,25 +152,28 @@ def make_plan(
         amplitude_v: Peak of the weakest discharge to detect, in a unit-gain channel 1 m away, > 0.
         progress: Function that is called with the name of the next step and the fraction done.
     """
-    progress("detectability", 0.0)
+    progress("map", 0.0)
     site_map = SiteMap(scenario)
-    detectability = compute_detectability(scenario, site_map, amplitude_v)
-    progress("cover", 0.1)
+    detectability = compute_detectability(
+        scenario, site_map, amplitude_v, lambda share: progress("detectability", 0.1 + 0.2 * share)
+    )
+    progress("cover", 0.3)
     clearance_m = site_map.clearance_m[detectability.cells]
     widest_rad = coverage(detectability, detectability.cells)[:, 0]
     required_rad = np.minimum(widest_rad, scenario.locating.rules().planned_aperture_rad)
     columns = cover(detectability, candidates(detectability, clearance_m, required_rad), required_rad)
-    tours = ShortestTours(site_map)
-    longer = tours.shortest(detectability.cells[columns].tolist())
+    tours, speed_mps = ShortestTours(site_map), scenario.robot.description.max_speed_mps
+    longer = tours.in_order(tours.shortest(detectability.cells[columns].tolist()))
     offered = coverage(detectability, longer.cells)
     required = np.column_stack([required_rad, np.minimum(offered[:, 1:], [CROSSING_RAD, MIN_CELLS])])
     every_fourth = np.floor(detectability.places_m / CELL_M).astype(np.intp) % 4 == 2  # 1 m apart (assumed)
     is_stop = every_fourth.all(axis=1) & (clearance_m >= COMFORT_M)
 
     def report(n_left: int) -> None:
-        progress(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(columns.size, 1))
+        progress(f"tour of {n_left} stops", 0.9 - 0.4 * n_left / max(columns.size, 1))
 
-    tour = TourShortener(detectability, tours, required, is_stop, report).shorten(longer)
+    shortener = TourShortener(detectability, tours, required, is_stop, HALT_S * speed_mps, report)
+    tour = tours.in_order(shortener.shorten(longer.stops.tolist()))
     n_halts = tour.stops.size + 1 if tour.length_m > 0.0 else 0
     return Plan(
         scenario=scenario,
@@ -145,9 +182,10 @@ def make_plan(
         detectability=detectability,
         required=required,
         tour=tour,
+        bound_m=tours.bound_m(tour),
         stops_m=site_map.centres_m[tour.stops],
         path_m=site_map.centres_m[tour.cells],
-        driving_s=tour.length_m / scenario.robot.description.max_speed_mps + HALT_S * n_halts,
+        driving_s=tour.length_m / speed_mps + HALT_S * n_halts,
     )
 
 

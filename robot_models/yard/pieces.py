@@ -30,7 +30,7 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
     position_m: tuple[Coordinate, Coordinate] = Field(description="centre of the footprint, world frame")
     yaw_deg: Yaw = 0.0
 
-    @property
+    @cached_property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
         raise NotImplementedError
@@ -101,7 +101,7 @@ class BoxEquipment(_PlainEquipment, frozen=True):
     shape: Literal["box"]
     footprint_m: tuple[Length, Length] = Field(description="length along x and y of the equipment frame")
 
-    @property
+    @cached_property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
         return Assembly({"body": Solid(footprint_m=self.footprint_m, top_m=self.height_m)}, self.sites)
@@ -113,7 +113,7 @@ class CylinderEquipment(_PlainEquipment, frozen=True):
     shape: Literal["cylinder"]
     radius_m: Length
 
-    @property
+    @cached_property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
         return Assembly({"body": Solid(radius_m=self.radius_m, top_m=self.height_m)}, self.sites)
@@ -143,7 +143,7 @@ class CatalogueEquipment(_Equipment, frozen=True):
             raise ValueError(f"kv: must be left out for a {self.kind}, which has one size for all; got {self.kv}")
         return self
 
-    @property
+    @cached_property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
         return assemble(self.kind, self.length_m, self.kv)

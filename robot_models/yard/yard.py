@@ -109,17 +109,21 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             if self.clearance(place_m) >= clearance_m:
                 return place_m
 
+    @cached_property
+    def _sites(self) -> dict[str, tuple[Equipment, str]]:
+        """Piece and own name of each site, by `equipment/site`, in file order."""
+        return {f"{item.name}/{site}": (item, site) for item in self.equipment for site in item.assembly.sites}
+
     def site_names(self) -> tuple[str, ...]:
         """List every candidate discharge site as `equipment/site`, in file order."""
-        return tuple(f"{item.name}/{site}" for item in self.equipment for site in item.assembly.sites)
+        return tuple(self._sites)
 
     def site_position(self, name: str) -> FloatArray:
         """Return the world position (3,), metres, from which a discharge on the site `equipment/site` radiates."""
-        equipment, _, site = name.partition("/")
-        for item in self.equipment:
-            if item.name == equipment and site in item.assembly.sites:
-                return item.site_position(site)
-        raise ValueError(f"no site `{name}` in this yard; available: {', '.join(self.site_names()) or 'none'}")
+        if name not in self._sites:
+            raise ValueError(f"no site `{name}` in this yard; available: {', '.join(self._sites) or 'none'}")
+        item, site = self._sites[name]
+        return item.site_position(site)
 
     def enclosing_equipment(self, points_m: ArrayLike) -> str | None:
         """Return the name of the first piece of equipment that encloses a world point, or None.

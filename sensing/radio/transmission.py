@@ -14,6 +14,7 @@ import numpy as np
 from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
+    CLEARANCE,
     Segment,
     UprightSolid,
     Vector,
@@ -311,7 +312,15 @@ class Sight(NamedTuple):
         Returns:
             Relative amplitudes, shape (n,).
         """
-        return direct_transmissions(places_m, target_m, within_m, self.surroundings.obstacles)
+        ends_m = np.vstack([places_m, target_m])
+        low_m, high_m = ends_m.min(axis=0), ends_m.max(axis=0)
+        longest_m = float(np.linalg.norm(high_m - low_m))
+        obstacles = self.surroundings.obstacles
+        margin_m = obstacles["reach_m"] + CLEARANCE * math.sqrt(WAVELENGTH_M * longest_m)
+        near = np.ones(obstacles.size, dtype=np.bool_)  # no other obstacle comes near any of the paths
+        for axis, centre_m in enumerate((obstacles["x"], obstacles["y"])):
+            near &= (centre_m >= low_m[axis] - margin_m) & (centre_m <= high_m[axis] + margin_m)
+        return direct_transmissions(places_m, target_m, within_m, obstacles[near])
 
 
 @compiled

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dirmusic.angles import aperture
+from dirmusic.angles import aperture, azimuth_of
 from pdpatrol.missions.planning.cover import GAP, cover, coverage
 from pdpatrol.missions.planning.detectability import Detectability
 
@@ -14,25 +14,28 @@ def drawn(seed: int, n_targets: int = 4, n_columns: int = 10) -> Detectability:
     """Draw targets and places; the first target is not detectable."""
     rng = np.random.default_rng(seed)
     targets_m, places_m = rng.uniform(0.0, 10.0, (n_targets, 3)), rng.uniform(0.0, 10.0, (n_columns, 2))
-    away_m = places_m - targets_m[:, np.newaxis, :2]
-    is_detectable = rng.uniform(size=(n_targets, n_columns)) < 0.6
-    is_detectable[0] = False
+    target, column = np.nonzero(rng.uniform(size=(n_targets, n_columns)) < 0.6)
+    target, column = target[target > 0], column[target > 0]
+    aspect_rad = azimuth_of(places_m[column] - targets_m[target, :2])
+    order = np.lexsort((aspect_rad, target))
     return Detectability(
         names=tuple(map(str, range(n_targets))),
         positions_m=targets_m,
         cells=np.arange(n_columns),
         places_m=places_m,
-        level_db=np.zeros(is_detectable.shape),
-        range_m=np.linalg.norm(away_m, axis=-1),
-        aspect_rad=np.arctan2(away_m[..., 1], away_m[..., 0]),
-        is_detectable=is_detectable,
+        first=np.append(0, np.cumsum(np.bincount(target, minlength=n_targets))),
+        column=column[order],
+        level_db=np.zeros(order.size),
+        range_m=np.ones(order.size),
+        aspect_rad=aspect_rad[order],
     )
 
 
 def covers_all(detectability: Detectability, columns: np.ndarray, needed_rad: np.ndarray) -> bool:
     for k in np.flatnonzero(~detectability.is_blind):
-        own = columns[detectability.is_detectable[k, columns]]
-        if own.size == 0 or aperture(detectability.aspect_rad[k, own]) < needed_rad[k] - 1e-9:
+        pairs = detectability.pairs(int(k))
+        own = np.isin(detectability.column[pairs], columns)
+        if not own.any() or aperture(detectability.aspect_rad[pairs][own]) < needed_rad[k] - 1e-9:
             return False
     return True
 
@@ -51,3 +54,14 @@ def test_cover_is_complete_and_nearly_smallest(needed_deg: float) -> None:
             for n in fewer
             for some in combinations(everywhere, n)
         )
+
+
+def test_coverage_is_that_of_the_angles_of_each_target() -> None:
+    for seed in range(5):
+        where, cells = drawn(seed, n_columns=30), np.arange(0, 30, 2)
+        for k, (wide_rad, crossing_rad, n_cells) in enumerate(coverage(where, cells).tolist()):
+            pairs = where.pairs(k)
+            seen_rad = where.aspect_rad[pairs][np.isin(where.column[pairs], cells)]
+            assert n_cells == seen_rad.size
+            assert wide_rad == pytest.approx(aperture(seen_rad))
+            assert crossing_rad == pytest.approx(min(0.5 * aperture(2.0 * seen_rad), 0.5 * np.pi))
