@@ -5,7 +5,7 @@
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.equipment.catalogue import FENCE_OPACITY, KIND_COLOURS, colour_of
+from pdpatrol.robot_models.moving_bodies import MovingBody, add_moving_bodies
 from pdpatrol.robot_models.sensors import (
     OBSTACLE_CONTYPE,
     AntennaElements,
@@ -38,13 +39,16 @@ FENCE_THICKNESS_M = 0.1
 """Thickness of the fence. Assumed: many times the distance that a robot moves in one physics step."""
 
 
-def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None) -> mujoco.MjSpec:
+def build_spec(
+    robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None, moving: Sequence[MovingBody] = ()
+) -> mujoco.MjSpec:
     """Build an editable spec of the yard with one robot in it.
 
     Args:
         robot: Description of the robot, whose file is read again.
         yard: Fence and equipment.
         elements: Antenna elements of the robot; they do not change its motion.
+        moving: People and vehicles, as mocap bodies `moving/NAME` at the origin.
 
     Returns:
         The spec. The first part of a piece of equipment is named `equipment/NAME`, the other parts
@@ -67,6 +71,7 @@ def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | 
     if elements is not None:
         attach_elements(spec, elements)
     _add_yard(spec, yard)
+    add_moving_bodies(spec, moving)
     return spec
 
 
@@ -160,7 +165,10 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
     shapes = ("box", "cylinder", "sphere", "ellipsoid", "capsule")
     solids: dict[str, list[dict[str, Any]]] = {"yard": [], "robot": []}
     for geom in range(model.ngeom):
-        name, is_robot = model.geom(geom).name, bool(model.geom_bodyid[geom] > 0)
+        name, body = model.geom(geom).name, int(model.geom_bodyid[geom])
+        is_robot = body > 0
+        if model.body_mocapid[body] >= 0:  # people and vehicles
+            continue
         shape = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
         if shape not in shapes or (is_robot and model.geom_group[geom] >= 3):
             continue

@@ -178,6 +178,7 @@ class Scenario(Config):
             *_table_errors(self),
             *_route_errors(self, self.yard if map_errors else self.known_yard),
             *_source_errors(self),
+            *_moving_errors(self),
             *_growth_errors(self),
         ]
         if errors := errors or [*_signal_errors(self)]:
@@ -256,6 +257,18 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
         for start_m, end_m in pairwise([item.position_m, *(item.path_m or ())]):
             if name := yard.enclosing_equipment(np.linspace(start_m, end_m, 1000)[1:]):
                 yield f"interferers.{i}.path_m: must not cross equipment, got {end_m}, reached through `{name}`"
+
+
+def _moving_errors(scenario: Scenario) -> Iterator[str]:
+    """Check the names and paths of people and vehicles."""
+    names = set[str]()
+    for i, item in enumerate(scenario.nature.moving):
+        key = f"nature.moving.{i}"
+        if item.name in names:
+            yield f"{key}.name: must be used once, got `{item.name}` again"
+        names.add(item.name)
+        room_m = scenario.robot.description.room_m
+        yield from (f"{key}.{error}" for error in item.errors(scenario.yard, scenario.route.dock_m, room_m))
 
 
 def _growth_errors(scenario: Scenario) -> Iterator[str]:
