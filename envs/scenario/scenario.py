@@ -19,6 +19,7 @@ from pdpatrol.envs.scenario.nature import NatureConfig
 from pdpatrol.envs.scenario.radio import RadioConfig
 from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig, RobotConfig
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
+from pdpatrol.envs.scenario.zone import ZoneConfig
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
@@ -119,6 +120,7 @@ class Scenario(Config):
     yard: Yard
     map: MapConfig = MapConfig()
     route: RouteConfig
+    zones: tuple[ZoneConfig, ...] = Field(default=(), max_length=100)
     array: ArrayConfig
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
@@ -193,7 +195,11 @@ def _at_most(key: str, value: float, most: float, unit: str) -> Iterator[str]:
 
 
 def _table_errors(scenario: Scenario) -> Iterator[str]:
-    """Check the kinds of equipment, the channel faults, the true mount, the estimator and the calibration."""
+    """Check zones, the kinds of equipment, the channel faults, the true mount, the estimator and the calibration."""
+    names = [zone.name for zone in scenario.zones]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            yield f"zones.{i}.name: must be used once, got `{name}` again"
     for key, pieces in (("yard.equipment", scenario.yard.equipment), ("map.extra", scenario.map.extra)):
         for i, item in enumerate(pieces):
             if item.kind not in KIND_MATERIALS:

@@ -101,7 +101,7 @@ class CollisionGuard:
         """
         pose, time_s, robot = believed_pose(observation), time_of(observation, site_map), site_map.robot
         speed_mps, lidar_m = float(observation["velocity"][0]), observation["lidar"]
-        scan = Scan(time_s, pose, lidar_m)
+        limit_mps, scan = float(site_map.speed_limit(pose[:2])), Scan(time_s, pose, lidar_m)
         self._moving.scan(scan, site_map)
         if time_s - self._scanned_s >= 0.5:  # not at every step, because each scan gives a new map (assumed)
             self._seen.scan(scan, site_map, self._moving)
@@ -117,7 +117,10 @@ class CollisionGuard:
             v, yaw_rate = robot.command_from_action(action).tolist()
             self._command = v, yaw_rate
             if self._gives_way(scan, robot):
-                return robot.action_from_command(safe_command(lidar_m, *self._command, robot))
+                v, yaw_rate = self._command
+                return robot.action_from_command(
+                    safe_command(lidar_m, max(min(v, limit_mps), -limit_mps), yaw_rate, robot)
+                )
             if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
                 if has_collided or any(np.hypot(*(place_m - pose[:2])) < 0.5 for place_m in self._stuck_at_m):
                     self._seen.add(pose[:2] + (robot.footprint_radius_m + 0.05) * unit_vector(pose[2:]), time_s)
@@ -127,7 +130,7 @@ class CollisionGuard:
                 self._last_place_m = None
                 self.phase = Phase("back off")
         v, yaw_rate = self._command
-        fastest = max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S
+        fastest = min(max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S, limit_mps)
         return robot.action_from_command(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot))
 
     def _gives_way(self, scan: Scan, robot: RobotDescription) -> bool:

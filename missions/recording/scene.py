@@ -113,6 +113,12 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
         shapes["world/route"] = labels_3d({name: [x, y, 0.02] for name, (x, y) in stops.items()}, 0.1)
         shapes["world/route/path"] = lines_3d([[[x, y, 0.02] for x, y in stops.values()]], 0x969EA8FF)
+    if zones := meta.get("scenario", {}).get("zones"):
+        names = [f"{zone['name']}, {zone['limit_mps']:g} m/s" for zone in zones]
+        rings = [[[x, y, 0.03] for x, y in (*zone["polygon_m"], zone["polygon_m"][0])] for zone in zones]
+        shapes["world/yard/zones"] = rr.LineStrips3D(
+            rings, colors=0xF9A825FF, radii=rr.Radius.ui_points(1.5), labels=names, show_labels=True
+        )
     for description in truth.get("moving", ()):
         body, _ = described_moving(description)
         solid = {

@@ -18,7 +18,7 @@ def encounters(log: MissionLog) -> tuple[Encounter, ...]:
     speed_mps = np.append(0.0, np.linalg.norm(np.diff(place_m, axis=0), axis=-1) / STEP_S)
     events = log.table("event")
     is_contact, result = events["kind"] == "contact", list[Encounter]()
-    for description in log.meta["truth"]["moving"]:
+    for description in log.meta["truth"].get("moving", ()):
         body, track = described_moving(description)
         radius_m = load_robot(log.meta["scenario"]["robot"]["model"]).footprint_radius_m
         distance_m = distance_to_body(body, track.pose(time_s), place_m) - radius_m
