@@ -139,7 +139,7 @@ def draw_yard(axes: Axes, yard: Yard) -> None:
         else:
             style |= {"angle": np.degrees(solids.yaw_rad[k]), "rotation_point": "center"}
             axes.add_patch(Rectangle(tuple(centre_m - half_m), *(2.0 * half_m), **style))
-    axes.add_patch(Rectangle((0, 0), *yard.size_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
+    axes.add_patch(Polygon(yard.fence.corners_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
     size_pt, outline = 7.0 if len(yard.equipment) <= 14 else 5.5, [withStroke(linewidth=2.2, foreground="white")]
     style = {"fontsize": size_pt, "color": "#333d47", "path_effects": outline, "clip_on": True, "zorder": 6}
     for item in yard.equipment:

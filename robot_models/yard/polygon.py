@@ -87,6 +87,17 @@ class Polygon:
         self.length_m = np.hypot(*side_m.T)
         self.along = side_m / self.length_m[:, np.newaxis]
 
+    @property
+    def is_convex(self) -> bool:
+        """True if no corner points inwards."""
+        (x, y), (next_x, next_y) = self.along.T, np.roll(self.along, -1, axis=0).T
+        return bool((x * next_y - y * next_x >= 0.0).all())
+
+    def sampled(self, spacing_m: float) -> FloatArray:
+        """Return points on the boundary, at most a spacing apart along each side, shape (n, 2)."""
+        ends = zip(self.corners_m, np.roll(self.corners_m, -1, axis=0), self.length_m.tolist(), strict=True)
+        return np.concatenate([np.linspace(a, b, 2 + int(length_m / spacing_m)) for a, b, length_m in ends])
+
     def to_side(self, points_m: FloatArray, side: int) -> FloatArray:
         """Return the distance from points (..., 2) to one side, shape (...)."""
         (x, y), (along_x, along_y) = self.corners_m[side], self.along[side]
