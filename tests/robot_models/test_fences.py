@@ -104,6 +104,14 @@ def test_outlines_are_those_of_the_fence() -> None:
     assert not yard.contains(points_m - 0.1 * normal).any()
 
 
+def test_outlines_do_not_lie_beyond_a_notch() -> None:
+    """The nearest outline of a place 4 m from a notch 2 m wide is not on the other side of the notch."""
+    notch_m = ((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (11.0, 10.0), (11.0, 4.0), (9.0, 4.0), (9.0, 10.0), (0.0, 10.0))
+    outlines = Outlines(Yard.model_validate({"fence_m": notch_m}), 0.5 * FENCE_HEIGHT_M)
+    distance_m, _, _ = outlines.meet(np.array([[15.0, 7.0]]))
+    assert distance_m[0] == pytest.approx(3.0)
+
+
 @pytest.mark.whole
 def test_mission_within_a_polygon_reaches_all_waypoints() -> None:
     log = run_mission(scenario(lidar={}), "patrol", 2)
@@ -123,6 +131,10 @@ def test_mission_within_a_polygon_reaches_all_waypoints() -> None:
         (
             {"fence_m": L_SHAPE, "equipment": [CABINET | {"position_m": (9.0, 7.8)}]},
             "extends 0.30 m beyond the fence",
+        ),
+        (  # all corners are inside, but the corner of the fence is in the piece
+            {"fence_m": L_SHAPE, "equipment": [CABINET | {"position_m": (8.7, 7.7), "yaw_deg": 45.0}]},
+            "extends 0.08 m beyond the fence",
         ),
         ({"fence_m": "round"}, "yard.fence_m: must be an array"),
         ({}, "yard.size_m: is required"),

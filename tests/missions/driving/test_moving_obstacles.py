@@ -6,7 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dirmusic.angles import unit_vector
 from pdpatrol.envs import Scenario
+from pdpatrol.missions.driving.lidar_stop import BEAM_RAD
+from pdpatrol.missions.driving.moving_obstacles import MovingObstacles, Scan
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.collision_guard import SeenObstacles
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
@@ -75,6 +80,21 @@ def test_robot_steps_aside_for_a_person_on_its_line() -> None:
     assert (report.ending, encounter.contacts) == ("docked", 0)
     assert encounter.closest_m is not None
     assert 0.1 < encounter.closest_m < 1.5
+
+
+def test_moving_points_do_not_become_obstacles_of_the_map() -> None:
+    """A person walks across in front of a standing robot; the map shows it only once it stands."""
+    plan, moving, seen = SiteMap(crossing_scenario(0, 0)), MovingObstacles(), SeenObstacles()
+    pose = np.array([10.0, 8.0, 0.0])
+    for time_s in np.arange(0.0, 6.0, 0.2).tolist():
+        y_m = min(time_s - 2.0, 0.5)
+        off_m = 2.0 * unit_vector(BEAM_RAD) - (2.0, y_m)  # each beam ends at the person or far away
+        hits = np.linalg.norm(off_m, axis=-1) < 0.25
+        scan = Scan(time_s, pose, np.where(hits, 2.0, 12.0))
+        moving.scan(scan, plan)
+        seen.scan(scan, plan, moving)
+        assert (seen.on(plan) is plan) or time_s > 3.0
+    assert seen.on(plan).obstacles_m.size > 0
 
 
 @pytest.mark.parametrize(("path_m", "who"), [(((8.0, 3.0), (1.0, 3.0)), "person"), (((8.0, 3.0), (8.0, 8.0)), "robot")])

@@ -8,7 +8,7 @@ import pytest
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs import Scenario, ScenarioError, load_scenario
-from pdpatrol.missions.driving.path_follower import PathFollower
+from pdpatrol.missions.driving.path_follower import PathFollower, speed_profile
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
@@ -52,6 +52,19 @@ def test_robot_obeys_the_limits_and_is_not_slower_elsewhere() -> None:
         assert np.median(inside_mps) > 0.8 * zone.limit_mps
     free_mps = speed_mps[away_m > 2.0]
     assert np.quantile(free_mps, 0.9) > 0.95 * scenario.robot.description.max_speed_mps
+
+
+def test_path_follower_brakes_before_a_zone() -> None:
+    """The speed is the limit within the zone, and lets the robot brake with 0.5 m/s^2 before it."""
+    site_map = SiteMap(with_zones(WALKWAY))
+    path_m = np.column_stack([np.arange(3.0, 20.0, 0.25), np.full(68, 3.0)])
+    speed_mps = speed_profile(path_m, site_map.robot, site_map.speed_limit(path_m))
+    zone = site_map.zones[0].polygon
+    assert speed_mps[zone.is_inside(path_m)] == pytest.approx(0.3)
+    entry_m = path_m[zone.is_inside(path_m)][0, 0]
+    before = path_m[:, 0] < entry_m
+    assert (speed_mps[before] <= np.sqrt(0.3**2 + 2.0 * 0.5 * (entry_m - path_m[before, 0])) + 1e-9).all()
+    assert speed_mps[0] == site_map.robot.max_speed_mps
 
 
 def test_deadline_allows_for_slow_zones() -> None:
