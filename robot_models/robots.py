@@ -65,6 +65,7 @@ class Robots:
         self.physics, self.step_s, self._home = model, float(model.opt.timestep), model.key("home").id
         self._batch = batch = Batch(model, n_robots, n_threads)
         base, lidar = batch.joint("floating_base"), int(model.sensor("lidar_00").adr[0])
+        self._mocap = batch.mocap_pos, batch.mocap_quat
         self._ctrl, self._base, self._gyro_radps = batch.ctrl, base.qpos, batch.sensor("gyro").data[:, 2]
         live = (
             self._base,
@@ -149,7 +150,7 @@ class Robots:
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
         for row, own in zip(ids.tolist(), tracks or (), strict=False):
             self._tracks[row] = own
-            self._move_bodies(row, 0.0)
+            self._move_bodies(row, self._body_states(row, np.zeros(1))[0])
         start = batch.state[ids].copy()
         batch.time[ids] = LIDAR_PERIOD_S  # so that a lidar scan is due; a step reads all sensors at its start
         batch.step(ids)
@@ -192,11 +193,11 @@ class Robots:
             for row in driven.tolist():
                 self._places[row], self._met[row] = set(), set()
                 self.is_touching[row] = False
+        moves = self._coming_states(driven, n_substeps) if self._moving else {}
         while n_substeps > 0:
-            n = 1 if self._moving else min(n_substeps, self._touches.shape[2])
-            if self._moving:
-                for row in driven.tolist():
-                    self._move_bodies(row, self._batch.time[row].item() + self.step_s)
+            n = 1 if moves else min(n_substeps, self._touches.shape[2])
+            for row, states in moves.items():
+                self._move_bodies(row, states[-n_substeps])
             self._batch.step(rows, n)
             n_substeps -= n
             if self._found.any():
@@ -234,12 +235,23 @@ class Robots:
         self.is_touching[row] = bool(self._places[row] or self._met[row])
         contacts[..., 0] = 0.0
 
-    def _move_bodies(self, row: int, time_s: float) -> None:
-        """Put the people and vehicles around a robot where they are at a time."""
+    def _coming_states(self, rows: IntArray, n_steps: int) -> dict[int, FloatArray]:
+        """Return `_body_states` in the next physics steps, by the row of the robot."""
+        after_s = self.step_s * np.arange(1, n_steps + 1)
+        return {row: self._body_states(row, self._batch.time[row].item() + after_s) for row in rows.tolist()}
+
+    def _body_states(self, row: int, time_s: FloatArray) -> FloatArray:
+        """Return places and wxyz quaternions of what moves around a robot, shape (n_times, n_bodies, 7)."""
+        states = np.zeros((time_s.size, len(self._tracks[row]), 7))
         for body, track in enumerate(self._tracks[row]):
-            x, y, yaw = track.pose(time_s).tolist()
-            self._batch.mocap_pos[row, body] = x, y, 0.0
-            self._batch.mocap_quat[row, body] = np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)
+            x, y, yaw = track.pose(time_s).T
+            states[:, body, [0, 1, 3, 6]] = np.column_stack([x, y, np.cos(0.5 * yaw), np.sin(0.5 * yaw)])
+        return states
+
+    def _move_bodies(self, row: int, states: FloatArray) -> None:
+        """Put the people and vehicles around a robot to their places, shape (n_bodies, 7)."""
+        if len(states):
+            self._mocap[0][row], self._mocap[1][row] = states[:, :3], states[:, 3:]
 
     def __getstate__(self) -> tuple[Any, ...]:
         state = self._batch.state.copy()
