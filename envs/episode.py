@@ -9,6 +9,7 @@ import numpy as np
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.scenario import Scenario, position_error
 from pdpatrol.envs.scenario.sources import InterfererConfig, SourceConfig
+from pdpatrol.robot_models.moving_bodies import Track, describe_moving
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 from pdpatrol.sensing.nature.sources import SourceChange, Telegraph
 from pdpatrol.sensing.receiver.bank import Listener
@@ -103,12 +104,14 @@ class Episode(NamedTuple):
     Attributes:
         listener: Receiver of the robot: the array with its errors, and all radiating sources, the discharges first.
         start_pose: Pose of the robot at the start, x m, y m, yaw rad, shape (3,).
-        truth: Sources, interferers, array and receiver as plain data, for logs and scores.
+        truth: Sources, interferers, array, receiver, people and vehicles as plain data, for logs and scores.
+        tracks: Tracks of people and vehicles, in the order of the scenario.
     """
 
     listener: Listener
     start_pose: FloatArray
     truth: dict[str, Any]
+    tracks: tuple[Track, ...]
 
     @classmethod
     def draw(
@@ -131,11 +134,16 @@ class Episode(NamedTuple):
         start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
         drift_rng = generators.receiver.spawn(1)[0]
         drift_db_per_min = scenario.nature.receiver.draw_drift(array.n_elements, drift_rng)
-        kinds = [{"kind": source.kind} for source in scenario.sources]
+        kinds, moving = [{"kind": source.kind} for source in scenario.sources], scenario.nature.moving
+        tracks = tuple(
+            item.draw(scenario.task.time_limit_s, own_rng)
+            for item, own_rng in zip(moving, generators.motion.spawn(len(moving)), strict=True)
+        )
         truth = {
             "sources": [_describe(source) | kind for source, kind in zip(sources, kinds, strict=True)],
             "interferers": [_describe(source) for source in interferers],
             "array": {key: getattr(array, key).tolist() for key in DRAWN_OF_ARRAY},
+            "moving": [describe_moving(item.body, track) for item, track in zip(moving, tracks, strict=True)],
             "receiver": {} if drift_db_per_min is None else {"drift_db_per_min": drift_db_per_min.tolist()},
         }
         listener = Listener(
@@ -146,7 +154,7 @@ class Episode(NamedTuple):
             faults=scenario.nature.receiver.faults,
             drift_db_per_min=drift_db_per_min,
         )
-        return cls(listener, np.array(start), truth)
+        return cls(listener, np.array(start), truth, tracks)
 
 
 def _draw_sources(

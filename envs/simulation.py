@@ -101,7 +101,8 @@ class Simulation:
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         real = scenario.mounted_array
         elements = AntennaElements(real.positions_m, real.boresights_rad, real.boresight_elevations_rad)
-        self.robots = Robots(self.robot, scenario.yard, elements, n_robots, n_threads)
+        moving = tuple(item.body for item in scenario.nature.moving)
+        self.robots = Robots(self.robot, scenario.yard, elements, n_robots, n_threads, moving)
         self.layout, self.states = ObservationLayout(scenario), RobotStates.zeros(n_robots, scenario)
         parameters = Parameters.of(
             scenario, terminate_on_approach=terminate_on_approach, max_episode_steps=max_episode_steps
@@ -149,7 +150,7 @@ class Simulation:
         self.pulse_rows, self.pulses = self.pulse_rows[going_on], self.pulses.take(going_on)
         states.is_usable[rows] = True
         states.spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
-        self.robots.reset(rows, [episode.start_pose for episode in drawn])
+        self.robots.reset(rows, [episode.start_pose for episode in drawn], [episode.tracks for episode in drawn])
         states.touched[rows] = self.robots.is_touching[rows]
         start_robots(self._held, self.robots.readings.values, rows)
 

@@ -15,10 +15,15 @@ from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import driven_wheels
+from pdpatrol.robot_models.moving_bodies import MovingBody, Track, distance_to_body
 from pdpatrol.robot_models.readings import Readings, read
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, AntennaElements
 from pdpatrol.robot_models.world import build_spec, physics_only
 from pdpatrol.robot_models.yard.yard import Yard
+
+BODY_CONTACT_M = 0.05
+"""Distance from a moving body within which a contact is with this body. Assumed: how far a fast vehicle moves in one
+physics step."""
 
 
 class Robots:
@@ -33,6 +38,7 @@ class Robots:
         elements: Antenna elements of each robot.
         n_robots: Number of robots.
         n_threads: Number of threads that step the physics.
+        moving: People and vehicles in each yard.
 
     Attributes:
         robot: Description of all robots.
@@ -45,14 +51,21 @@ class Robots:
     """
 
     def __init__(
-        self, robot: RobotDescription, yard: Yard, elements: AntennaElements, n_robots: int = 1, n_threads: int = 1
+        self,
+        robot: RobotDescription,
+        yard: Yard,
+        elements: AntennaElements,
+        n_robots: int = 1,
+        n_threads: int = 1,
+        moving: Sequence[MovingBody] = (),
     ) -> None:
-        self._arguments = (robot, yard, elements, n_robots, n_threads)
-        self.robot, self._yard, self._elements = robot, yard, elements
-        model: mujoco.MjModel = physics_only(build_spec(robot, yard)).compile()
+        self._arguments = (robot, yard, elements, n_robots, n_threads, moving)
+        self.robot, self._yard, self._elements, self._moving = robot, yard, elements, moving
+        model: mujoco.MjModel = physics_only(build_spec(robot, yard, moving=moving)).compile()
         self.physics, self.step_s, self._home = model, float(model.opt.timestep), model.key("home").id
         self._batch = batch = Batch(model, n_robots, n_threads)
         base, lidar = batch.joint("floating_base"), int(model.sensor("lidar_00").adr[0])
+        self._mocap = batch.mocap_pos, batch.mocap_quat
         self._ctrl, self._base, self._gyro_radps = batch.ctrl, base.qpos, batch.sensor("gyro").data[:, 2]
         live = (
             self._base,
@@ -77,6 +90,8 @@ class Robots:
         self._touches = self._stored_contacts()
         self._found = self._touches[..., 0, 0]  # in each step, the contacts that were found are listed first
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
+        self._met: list[set[str]] = [set() for _ in range(n_robots)]
+        self._tracks: list[Sequence[Track]] = [()] * n_robots
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(self._all_rows, np.zeros((n_robots, 3)))
 
@@ -98,22 +113,28 @@ class Robots:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """Complete model of each robot's world, with visible elements and all sensors."""
-        return build_spec(self.robot, self._yard, self._elements).compile()
+        return build_spec(self.robot, self._yard, self._elements, self._moving).compile()
 
     @property
     def touched(self) -> list[tuple[str, ...]]:
         """Names of the objects that each robot touched since the start of its last `drive` or `reset`.
 
-        The names are `equipment/NAME` and `fence/SIDE`.
+        The names are `equipment/NAME`, `fence/SIDE` and `moving/NAME`.
         """
-        return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
+        return [
+            tuple(sorted(met | (self._yard.obstacles_at(list(places)) if places else set())))
+            for met, places in zip(self._met, self._places, strict=True)
+        ]
 
-    def reset(self, rows: Sequence[int] | IntArray, poses: ArrayLike) -> None:
+    def reset(
+        self, rows: Sequence[int] | IntArray, poses: ArrayLike, tracks: Sequence[Sequence[Track]] | None = None
+    ) -> None:
         """Put some robots at rest on their wheels, with time and state reset.
 
         Args:
             rows: Rows of the robots, shape (n,).
             poses: Pose x m, y m, yaw rad of each, shape (n, 3), world frame.
+            tracks: For each row, the tracks of all people and vehicles; None leaves these at the origin.
 
         Raises:
             ValueError: If a pose is not finite.
@@ -127,11 +148,14 @@ class Robots:
             base = self._base[row]
             base[:2] = x, y
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
+        for row, own in zip(ids.tolist(), tracks or (), strict=False):
+            self._tracks[row] = own
+            self._move_bodies(row, self._body_states(row, np.zeros(1))[0])
         start = batch.state[ids].copy()
         batch.time[ids] = LIDAR_PERIOD_S  # so that a lidar scan is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
-            self._places[row] = set()
+            self._places[row], self._met[row] = set(), set()
             self._take_places(row)
         batch.state[ids] = start
         for state in self._feedback[1:]:
@@ -165,12 +189,15 @@ class Robots:
         driven = self._all_rows if rows is None else rows
         if not command(v, turn, driven, duration_s, self._steering, self._wheels, self._feedback, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}")
-        if any(self._places):
+        if any(self._places) or any(self._met):
             for row in driven.tolist():
-                self._places[row] = set()
+                self._places[row], self._met[row] = set(), set()
                 self.is_touching[row] = False
+        moves = self._coming_states(driven, n_substeps) if self._moving else {}
         while n_substeps > 0:
-            n = min(n_substeps, self._touches.shape[2])
+            n = 1 if moves else min(n_substeps, self._touches.shape[2])
+            for row, states in moves.items():
+                self._move_bodies(row, states[-n_substeps])
             self._batch.step(rows, n)
             n_substeps -= n
             if self._found.any():
@@ -198,19 +225,44 @@ class Robots:
         """Record the places of a robot's stored contacts, rounded to a centimetre, and clear the contacts."""
         contacts = self._touches[row]
         places_m = contacts[contacts[..., 0] > 0.0][:, 1:3]
+        if self._moving:
+            poses = [track.pose(self._batch.time[row].item()) for track in self._tracks[row]]
+            for body, pose in zip(self._moving, poses, strict=False):
+                is_met = distance_to_body(body, pose, places_m) < BODY_CONTACT_M
+                self._met[row] |= {body.label} if is_met.any() else set()
+                places_m = places_m[~is_met]
         self._places[row].update(map(tuple, np.round(places_m, 2).tolist()))
-        self.is_touching[row] = bool(self._places[row])
+        self.is_touching[row] = bool(self._places[row] or self._met[row])
         contacts[..., 0] = 0.0
+
+    def _coming_states(self, rows: IntArray, n_steps: int) -> dict[int, FloatArray]:
+        """Return `_body_states` in the next physics steps, by the row of the robot."""
+        after_s = self.step_s * np.arange(1, n_steps + 1)
+        return {row: self._body_states(row, self._batch.time[row].item() + after_s) for row in rows.tolist()}
+
+    def _body_states(self, row: int, time_s: FloatArray) -> FloatArray:
+        """Return places and wxyz quaternions of what moves around a robot, shape (n_times, n_bodies, 7)."""
+        states = np.zeros((time_s.size, len(self._tracks[row]), 7))
+        for body, track in enumerate(self._tracks[row]):
+            x, y, yaw = track.pose(time_s).T
+            states[:, body, [0, 1, 3, 6]] = np.column_stack([x, y, np.cos(0.5 * yaw), np.sin(0.5 * yaw)])
+        return states
+
+    def _move_bodies(self, row: int, states: FloatArray) -> None:
+        """Put the people and vehicles around a robot to their places, shape (n_bodies, 7)."""
+        if len(states):
+            self._mocap[0][row], self._mocap[1][row] = states[:, :3], states[:, 3:]
 
     def __getstate__(self) -> tuple[Any, ...]:
         state = self._batch.state.copy()
-        return self._arguments, state, self._feedback, self._places, self.is_touching, self.readings
+        own = self._feedback, self._places, self._met, self._tracks, self.is_touching, self.readings
+        return self._arguments, state, *own
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:
         arguments, state, *own = kept
         self.__init__(*arguments)
         self._batch.state[:] = state
-        self._feedback, self._places, self.is_touching, self.readings = own
+        self._feedback, self._places, self._met, self._tracks, self.is_touching, self.readings = own
 
 
 def _drive(model: mujoco.MjModel) -> tuple[Any, ...]:

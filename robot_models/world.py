@@ -5,16 +5,16 @@
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.equipment.catalogue import FENCE_OPACITY, KIND_COLOURS, colour_of
+from pdpatrol.robot_models.moving_bodies import MovingBody, add_moving_bodies
 from pdpatrol.robot_models.sensors import (
     OBSTACLE_CONTYPE,
     AntennaElements,
@@ -38,13 +38,16 @@ FENCE_THICKNESS_M = 0.1
 """Thickness of the fence. Assumed: many times the distance that a robot moves in one physics step."""
 
 
-def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None) -> mujoco.MjSpec:
+def build_spec(
+    robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None, moving: Sequence[MovingBody] = ()
+) -> mujoco.MjSpec:
     """Build an editable spec of the yard with one robot in it.
 
     Args:
         robot: Description of the robot, whose file is read again.
         yard: Fence and equipment.
         elements: Antenna elements of the robot; they do not change its motion.
+        moving: People and vehicles, as mocap bodies `moving/NAME` at the origin.
 
     Returns:
         The spec. The first part of a piece of equipment is named `equipment/NAME`, the other parts
@@ -67,6 +70,7 @@ def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | 
     if elements is not None:
         attach_elements(spec, elements)
     _add_yard(spec, yard)
+    add_moving_bodies(spec, moving)
     return spec
 
 
@@ -98,7 +102,7 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     floor = own.geom("floor")
     floor.pos[:2], floor.size[:2] = middle_m, middle_m + 3.0
     own.light("sun").pos = [*middle_m, 22.0]  # if lower, the near corner of a yard is behind it and has no shadows
-    _add_fence(own, middle_m)
+    _add_fence(own, yard)
     for item in yard.equipment:
         add_equipment(own, item)
     spec.attach(own, frame=spec.worldbody.add_frame(), prefix="yard/")
@@ -111,15 +115,16 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.visual.map.shadowclip = 2.0  # with 1, the far floor is outside the sun's shadow map and looks speckled
 
 
-def _add_fence(spec: mujoco.MjSpec, middle_m: FloatArray) -> None:
-    """Add four thin boxes around a yard with the given middle, with their inner faces on its boundary."""
-    half_m = 0.5 * FENCE_THICKNESS_M
-    for side, outward in {"south": (0, -1), "north": (0, 1), "west": (-1, 0), "east": (1, 0)}.items():
+def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Add a thin box for each side of the fence, with its inner face on the side."""
+    boxes = yard.fence_solids(FENCE_THICKNESS_M, FENCE_HEIGHT_M)
+    for k, name in enumerate(yard.side_names):
         spec.worldbody.add_geom(
-            name=f"fence/{side}",
+            name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[*middle_m + (middle_m + half_m) * outward, 0.5 * FENCE_HEIGHT_M],
-            size=[*np.where(outward, half_m, middle_m), 0.5 * FENCE_HEIGHT_M],
+            pos=[*boxes.centre_m[k], 0.5 * FENCE_HEIGHT_M],
+            axisangle=[0.0, 0.0, 1.0, np.degrees(boxes.yaw_rad[k])],
+            size=[*boxes.half_size_m[k], 0.5 * FENCE_HEIGHT_M],
             rgba=[*KIND_COLOURS["fence"], FENCE_OPACITY],
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,
@@ -160,7 +165,10 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
     shapes = ("box", "cylinder", "sphere", "ellipsoid", "capsule")
     solids: dict[str, list[dict[str, Any]]] = {"yard": [], "robot": []}
     for geom in range(model.ngeom):
-        name, is_robot = model.geom(geom).name, bool(model.geom_bodyid[geom] > 0)
+        name, body = model.geom(geom).name, int(model.geom_bodyid[geom])
+        is_robot = body > 0
+        if model.body_mocapid[body] >= 0:  # people and vehicles
+            continue
         shape = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
         if shape not in shapes or (is_robot and model.geom_group[geom] >= 3):
             continue

@@ -63,7 +63,7 @@ class MapConfig(Config):
                 item = type(item).model_validate({**item.model_dump(), "position_m": place_m})
             if item.name not in self.missing:
                 shown.append(item)
-        return Yard(size_m=yard.size_m, equipment=(*shown, *self.extra))
+        return Yard(size_m=yard.size_m, fence_m=yard.fence_m, equipment=(*shown, *self.extra))
 
     def errors(self, yard: Yard) -> list[str]:
         """List the invalid keys of this table for a given yard, as `key: message`."""

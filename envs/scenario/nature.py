@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from dirmusic.arrays import FloatArray
+from pdpatrol.envs.scenario.moving import MOST_MOVING, MovingConfig
 from pdpatrol.envs.scenario.robot import CorrelationTime, MetreError, PoseSensorConfig
 from pdpatrol.sensing import TrueArrayConfig, TrueReceiverConfig
 from pdpatrol.sensing.quantities import AngleError, Config, Degree
@@ -84,3 +85,5 @@ class NatureConfig(Config):
     array: TrueArrayConfig = TrueArrayConfig()
     pose_sensor: TruePoseConfig = TruePoseConfig()
     receiver: TrueReceiverConfig = TrueReceiverConfig()
+    moving: tuple[MovingConfig, ...] = Field(default=(), max_length=MOST_MOVING)
+    """People and vehicles, which the robot meets without knowing of them."""

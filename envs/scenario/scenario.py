@@ -19,6 +19,7 @@ from pdpatrol.envs.scenario.nature import NatureConfig
 from pdpatrol.envs.scenario.radio import RadioConfig
 from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig, RobotConfig
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
+from pdpatrol.envs.scenario.zone import ZoneConfig
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
@@ -119,6 +120,7 @@ class Scenario(Config):
     yard: Yard
     map: MapConfig = MapConfig()
     route: RouteConfig
+    zones: tuple[ZoneConfig, ...] = Field(default=(), max_length=100)
     array: ArrayConfig
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
@@ -178,6 +180,7 @@ class Scenario(Config):
             *_table_errors(self),
             *_route_errors(self, self.yard if map_errors else self.known_yard),
             *_source_errors(self),
+            *_moving_errors(self),
             *_growth_errors(self),
         ]
         if errors := errors or [*_signal_errors(self)]:
@@ -192,7 +195,11 @@ def _at_most(key: str, value: float, most: float, unit: str) -> Iterator[str]:
 
 
 def _table_errors(scenario: Scenario) -> Iterator[str]:
-    """Check the kinds of equipment, the channel faults, the true mount, the estimator and the calibration."""
+    """Check zones, the kinds of equipment, the channel faults, the true mount, the estimator and the calibration."""
+    names = [zone.name for zone in scenario.zones]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            yield f"zones.{i}.name: must be used once, got `{name}` again"
     for key, pieces in (("yard.equipment", scenario.yard.equipment), ("map.extra", scenario.map.extra)):
         for i, item in enumerate(pieces):
             if item.kind not in KIND_MATERIALS:
@@ -256,6 +263,18 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
         for start_m, end_m in pairwise([item.position_m, *(item.path_m or ())]):
             if name := yard.enclosing_equipment(np.linspace(start_m, end_m, 1000)[1:]):
                 yield f"interferers.{i}.path_m: must not cross equipment, got {end_m}, reached through `{name}`"
+
+
+def _moving_errors(scenario: Scenario) -> Iterator[str]:
+    """Check the names and paths of people and vehicles."""
+    names = set[str]()
+    for i, item in enumerate(scenario.nature.moving):
+        key = f"nature.moving.{i}"
+        if item.name in names:
+            yield f"{key}.name: must be used once, got `{item.name}` again"
+        names.add(item.name)
+        room_m = scenario.robot.description.room_m
+        yield from (f"{key}.{error}" for error in item.errors(scenario.yard, scenario.route.dock_m, room_m))
 
 
 def _growth_errors(scenario: Scenario) -> Iterator[str]:

@@ -11,7 +11,7 @@ from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, distances
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 SLACK_S = 30.0
-"""Time after which a goal is given up, in addition to that of driving the path at half the top speed. Assumed."""
+"""Time after which a goal is given up, in addition to that of driving the path at half the allowed speed. Assumed."""
 
 LOOKAHEAD_M = 0.7
 """Distance ahead on the path that the robot steers to, and over which turns of the path are measured. Assumed."""
@@ -42,7 +42,9 @@ class PathFollower:
         self.goal_m = goal_m
         self.radius_m = radius_m
         length_m = self._plan(paths)
-        self.deadline_s = time_s + length_m / (0.5 * paths.site_map.robot.max_speed_mps) + SLACK_S
+        top_mps = paths.site_map.robot.max_speed_mps
+        between_s = np.diff(self._along_m) * (1.0 / paths.site_map.speed_limit(self.path_m[1:]) - 1.0 / top_mps)
+        self.deadline_s = time_s + length_m / (0.5 * top_mps) + 2.0 * float(between_s.sum()) + SLACK_S
 
     def _plan(self, paths: ShortestPaths) -> float:
         """Find the path that ends nearest to the goal and return its cost-weighted length, metres."""
@@ -52,7 +54,8 @@ class PathFollower:
         if self.site_map.is_clear(self.path_m[-1], self.goal_m):
             self.path_m = np.vstack([self.path_m, self.goal_m])
         self._along_m = distances_along(self.path_m)
-        self._square_speed = np.square(speed_profile(self.path_m, self.site_map.robot))
+        limit_mps = self.site_map.speed_limit(self.path_m)
+        self._square_speed = np.square(speed_profile(self.path_m, self.site_map.robot, limit_mps))
         self.is_reachable = self.has_arrived(self.path_m[-1])
         return float(paths.length_m[cell])
 
@@ -95,12 +98,17 @@ class PathFollower:
         return robot.action_from_command((min(v, fastest), 2.5 * off))
 
 
-def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
-    r"""Return the highest speed at each point of a path (n, 2) that lets the robot brake for the turns and the end.
+def speed_profile(path_m: FloatArray, robot: RobotDescription, limit_mps: FloatArray) -> FloatArray:
+    r"""Return the highest speed at each point of a path that lets the robot brake for turns, zones and the end.
 
     .. math:: v_i = \min_{j \geq i} \sqrt{u_j^2 + 2 a (s_j - s_i)}
 
-    with the speed :math:`u_j` allowed in the turn at point j, and its distance :math:`s_j` along the path.
+    with the speed :math:`u_j` allowed in the turn and zone of point j, and its distance :math:`s_j` along the path.
+
+    Args:
+        path_m: The path, shape (n, 2).
+        robot: The robot.
+        limit_mps: Speed limit at each point, shape (n,).
 
     Returns:
         Shape (n,), m/s; zero at the end.
@@ -108,7 +116,8 @@ def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
     along_m = distances_along(path_m)
     fastest, braking_mps2 = robot.max_speed_mps, min(BRAKING_MPS2, robot.max_acceleration_mps2)
     turning_mps = [fastest, min(fastest, TURN_SPEED_MPS)]
-    square = np.square(np.interp(_turns(path_m, along_m), [0.0, np.radians(90.0)], turning_mps))
+    turns_mps = np.interp(_turns(path_m, along_m), [0.0, np.radians(90.0)], turning_mps)
+    square = np.square(np.minimum(turns_mps, limit_mps))
     square[-1] = 0.0
     needed = square + 2.0 * braking_mps2 * along_m
     return np.sqrt(np.minimum.accumulate(needed[::-1])[::-1] - 2.0 * braking_mps2 * along_m)

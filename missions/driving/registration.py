@@ -23,6 +23,7 @@ References:
     Lange, Little and Taylor, "Robust statistical modeling using the t distribution", 1989: weights.
 """
 
+from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -114,23 +115,23 @@ class Outlines:
         height_m: Height of the lidar.
 
     Attributes:
-        solids: The solids, each with its piece as owner. The last four are the sides of the fence, each a
+        solids: The solids, each with its piece as owner. The last ones are the sides of the fence, each a
             separate piece.
         n_pieces: Number of pieces.
+        n_sides: Number of sides of the fence.
     """
 
     def __init__(self, yard: Yard, height_m: float) -> None:
-        size_m, n = np.array(yard.size_m), len(yard.equipment)
+        size_m, n, n_sides = np.array(yard.size_m), len(yard.equipment), len(yard.side_names)
         own = yard.solids.take((yard.solids.bottom_m < height_m) & (yard.solids.top_m > height_m))
-        outward = np.array([[0, -1], [0, 1], [-1, 0], [1, 0]])
-        middle_m, half_m = 0.5 * size_m * (1 + outward) + MARGIN_M * outward, np.where(outward, MARGIN_M, 0.5 * size_m)
-        zeros = np.zeros(4)
-        fence = YardSolids(middle_m, zeros, half_m, zeros, zeros, zeros, n + np.arange(4))
+        fence = yard.fence_solids(2.0 * MARGIN_M, height_m)
+        fence = replace(fence, owner=n + fence.owner)
         pairs = zip(vars(own).values(), vars(fence).values(), strict=True)
-        self.solids, self.n_pieces = YardSolids(*map(np.concatenate, pairs)), n + 4
+        self.solids, self.n_pieces, self.n_sides = YardSolids(*map(np.concatenate, pairs)), n + n_sides, n_sides
         points_m = self._sample()
-        is_visible = (points_m > -0.01) & (points_m < size_m + 0.01)  # not the outer faces of the fence
-        solid, point = np.nonzero(is_visible.all(axis=-1))
+        inside_m = yard.fence.signed_distance(points_m)
+        inside_m[-n_sides:] = -np.abs(inside_m[-n_sides:])  # of the fence, only the inner faces are visible
+        solid, point = np.nonzero(inside_m > -0.01)
         self._shape = np.ceil((size_m + 2 * MARGIN_M) / CELL_M).astype(int)
         nearest = np.full(self._shape, -1)
         nearest[self._cells(points_m[solid, point])] = solid
@@ -192,7 +193,7 @@ class Registration:
         self._pose_square = POSE_SCANS * self._believed_variance
         self._correlation = sensor.correlation
         accuracy_m = np.full(2 * self._outlines.n_pieces, max(scenario.map.accuracy_m, LEAST_ACCURACY_M))
-        accuracy_m[-8:] = FENCE_STD_M
+        accuracy_m[-2 * self._outlines.n_sides :] = FENCE_STD_M
         self._variance = np.square(np.concatenate([np.ones(3), sensor.frame_std, accuracy_m]))
         self._unknown: FloatArray = np.diag(self._variance[FRAME])
         self._scans: list[LidarScan] = []

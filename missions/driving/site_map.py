@@ -30,6 +30,10 @@ COMFORT_M = 0.8
 """Clearance below which ground costs up to twice as much. Assumed; keeps paths away from equipment where there is
 space."""
 
+ZONE_MARGIN_M = 0.4
+"""Distance from a zone at which its limit applies. Assumed; the distance of points of a path and three standard
+deviations of the pose, so that the limit holds in the zone."""
+
 _MOVES = ((1, 0), (0, 1), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 """Moves between cells, along x and y; each is also used in reverse. With these sixteen directions, paths are 1.4 % too
 long on average; with eight, they are 5.5 % too long and have turns of 45 degrees, for which a robot slows down."""
@@ -100,6 +104,7 @@ class SiteMap:
         robot: The robot that must fit.
         route: Dock and waypoints.
         task: Rules of the mission.
+        zones: Zones with a speed limit.
         obstacles_m: Points of obstacles that the plan does not show, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
         clearance_m: Distance from each cell centre to equipment, fence or obstacle, shape (n_cells,).
@@ -117,6 +122,7 @@ class SiteMap:
         self.robot = scenario.robot.description
         self.route = scenario.route
         self.task = scenario.task
+        self.zones = scenario.zones
         self.antenna_height_m = scenario.array.height_m
         pose_error = scenario.pose_sensor.pose_error
         self.bearing_std_rad = float(np.hypot(scenario.known_array.bearing_std_rad, pose_error.heading_rad))
@@ -147,6 +153,14 @@ class SiteMap:
     def clearance(self, points_m: FloatArray) -> FloatArray:
         """Return the distance from points (..., 2) to equipment, fence or obstacle, shape (...)."""
         return np.minimum(self.yard.clearance(points_m), self._obstacle_tree.query(points_m)[0])
+
+    def speed_limit(self, points_m: FloatArray) -> FloatArray:
+        """Return the highest speed at points (..., 2) by zones and robot, shape (...)."""
+        limit_mps = np.full(points_m.shape[:-1], self.robot.max_speed_mps)
+        for zone in self.zones:
+            is_near = zone.polygon.signed_distance(points_m) > -ZONE_MARGIN_M
+            limit_mps = np.where(is_near, np.minimum(limit_mps, zone.limit_mps), limit_mps)
+        return limit_mps
 
     def is_clear(self, start_m: FloatArray, end_m: FloatArray) -> bool:
         """Return True if the robot fits all along the straight line between two points (2,)."""

@@ -16,7 +16,7 @@ from pdpatrol.missions.driving.site_map import CELL_M
 from pdpatrol.missions.planning.confirmation_probability import CERTAIN
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan
-from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard
+from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard, draw_zones
 
 MOST_INCHES = 20.0
 """Longest side of a yard in a picture."""
@@ -139,6 +139,7 @@ def draw_plan(plan: Plan, path: Path) -> None:
     bar.set_label(f"sites in sight within {plan.scenario.locating.rules().confirm_range_m:g} m; grey: out of reach")
     draw_ground(axes, [np.zeros(2), size_m])
     draw_yard(axes, plan.site_map.yard)
+    draw_zones(axes, plan.scenario.zones)
     axes.plot(*plan.path_m.T, color="#c2185b", linewidth=2.0, zorder=3, label="tour")
     draw_waypoints(axes, {"dock_m": plan.scenario.route.dock_m, "waypoints_m": plan.stops_m})
     axes.plot(*where.positions_m[:, :2].T, ".", color="black", markersize=4, zorder=6, label="site")

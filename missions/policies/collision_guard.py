@@ -3,21 +3,25 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic import Finding
 from dirmusic.angles import unit_vector
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.patrol_env import STEP_S, Observation
-from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_command
+from pdpatrol.missions.driving.lidar_stop import free_distance, safe_command
+from pdpatrol.missions.driving.moving_obstacles import MovingObstacles, Scan
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
 from pdpatrol.missions.record.events import Phase
+from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 BACK_OFF_S = 1.5
 BACK_OFF_COMMANDS = (-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)
 """Duration in seconds of backing off when stuck, and its commands, m/s and rad/s, in order of preference. Assumed;
 about half a metre."""
+
+PATIENCE_S = 20.0
+"""Time for which the robot gives way to people and vehicles before it goes on as if they stood. Assumed."""
 
 PLACE_M = 0.1
 """Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
@@ -30,15 +34,26 @@ class SeenObstacles:
         self._last_seen_s: dict[tuple[int, int], float] = {}
         self._map: SiteMap | None = None
 
-    def scan(self, lidar_m: NDArray[np.floating], pose: FloatArray, time_s: float, plan: SiteMap) -> None:
-        """Add the points that beams (LIDAR_BEAMS,), metres, measured from a pose (3,) and that `plan` does not show.
+    def scan(self, scan: Scan, plan: SiteMap, moving: MovingObstacles) -> None:
+        """Add the points that the beams of a scan measured and that `plan` does not show, unless they move.
 
         Points beyond 2.5 m are ignored, because the heading error displaces them. Points within 0.2 m, three standard
         deviations of pose and range, of the fence or mapped equipment are attributed to it (both assumed).
         """
-        near = lidar_m < 2.5
-        points = pose[:2] + lidar_m[near, np.newaxis] * unit_vector(pose[2] + BEAM_RAD[near])
-        self.add(points[plan.yard.clearance(points) > 0.2], time_s)
+        points = scan.points(2.5)
+        points = points[plan.yard.clearance(points) > 0.2]
+        if len(moving.points_m):
+            points = points[~moving.near(points)]
+            self._forget_near(moving)
+        self.add(points, scan.time_s)
+
+    def _forget_near(self, moving: MovingObstacles) -> None:
+        """Forget places that are near what moves; those of a static obstacle are seen again."""
+        if self._last_seen_s:
+            places = np.array(list(self._last_seen_s))
+            for place in places[moving.near(PLACE_M * places)].tolist():
+                del self._last_seen_s[tuple(place)]
+                self._map = None
 
     def add(self, points_m: FloatArray, time_s: float) -> None:
         """Remember points (n, 2), world frame; forget places that were last seen a minute ago (assumed)."""
@@ -67,13 +82,14 @@ class CollisionGuard:
     def __init__(self, policy: Policy) -> None:
         self.phase, self.unreachable = status_of(policy)
         self._policy = policy
-        self._seen = SeenObstacles()
+        self._seen, self._moving = SeenObstacles(), MovingObstacles()
+        self._gives_way_s = 0.0
         self._scanned_s = -np.inf
         self._speed_mps = 0.0
         self._last_place_m: FloatArray | None = None
         self._moved_s = 0.0
         self._stuck_at_m: list[FloatArray] = []
-        self._command = 0.0, 0.0
+        self._command: tuple[float, float] = 0.0, 0.0
         self._back_off_until_s = -np.inf
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
@@ -85,8 +101,10 @@ class CollisionGuard:
         """
         pose, time_s, robot = believed_pose(observation), time_of(observation, site_map), site_map.robot
         speed_mps, lidar_m = float(observation["velocity"][0]), observation["lidar"]
+        limit_mps, scan = float(site_map.speed_limit(pose[:2])), Scan(time_s, pose, lidar_m)
+        self._moving.scan(scan, site_map)
         if time_s - self._scanned_s >= 0.5:  # not at every step, because each scan gives a new map (assumed)
-            self._seen.scan(lidar_m, pose, time_s, site_map)
+            self._seen.scan(scan, site_map, self._moving)
             self._scanned_s = time_s
         # An obstacle above or below the lidar's plane stops the robot 1.5 times (assumed) as fast as its brakes can.
         lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
@@ -96,7 +114,13 @@ class CollisionGuard:
             self.phase, self.unreachable = status_of(self._policy)
             if action is None:
                 return None
-            self._command = robot.command_from_action(action).tolist()
+            v, yaw_rate = robot.command_from_action(action).tolist()
+            self._command = v, yaw_rate
+            if self._gives_way(scan, robot):
+                v, yaw_rate = self._command
+                return robot.action_from_command(
+                    safe_command(lidar_m, max(min(v, limit_mps), -limit_mps), yaw_rate, robot)
+                )
             if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
                 if has_collided or any(np.hypot(*(place_m - pose[:2])) < 0.5 for place_m in self._stuck_at_m):
                     self._seen.add(pose[:2] + (robot.footprint_radius_m + 0.05) * unit_vector(pose[2:]), time_s)
@@ -106,8 +130,22 @@ class CollisionGuard:
                 self._last_place_m = None
                 self.phase = Phase("back off")
         v, yaw_rate = self._command
-        fastest = max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S
+        fastest = min(max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S, limit_mps)
         return robot.action_from_command(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot))
+
+    def _gives_way(self, scan: Scan, robot: RobotDescription) -> bool:
+        """Change the command if it comes too close to what moves, and return whether it was changed."""
+        command = self._moving.yielding_command(scan, *self._command, robot)
+        if command == self._command:
+            self._gives_way_s = max(self._gives_way_s - STEP_S, 0.0)
+            return False
+        self._gives_way_s += STEP_S
+        if self._gives_way_s > PATIENCE_S:
+            return False
+        self._command = command
+        self._last_place_m = None
+        self.phase = Phase("give way", self.phase.target)
+        return True
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
         """Return True if the robot has moved less than 0.2 m in 4 s.

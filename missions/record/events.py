@@ -29,8 +29,8 @@ class Phase(NamedTuple):
     """Current activity of a policy.
 
     Attributes:
-        name: One or two words; built-in policies use `patrol`, `seek`, `return to dock`, `listen`, `back off` and
-            `random`.
+        name: One or two words; built-in policies use `patrol`, `seek`, `return to dock`, `listen`, `back off`,
+            `give way` and `random`.
         target: Number of the waypoint, from 1, that it drives to, or id of the candidate that it views; 0 if neither.
     """
 

@@ -10,6 +10,7 @@ from dirmusic.angles import azimuth_of, difference
 from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
+from pdpatrol.envs.scenario.zone import ZoneConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.robot_models.yard.yard import Yard
@@ -66,6 +67,12 @@ def grid_of(meta: Mapping[str, Any]) -> Grid:
 def map_of(log: MissionLog) -> MapConfig:
     """Return the table `[map]` of the mission; the default for field data without a map."""
     return MapConfig.model_validate(log.meta.get("scenario", {}).get("map", {}), strict=False)
+
+
+def zones_of(log: MissionLog) -> tuple[ZoneConfig, ...]:
+    """Return the zones with a speed limit of the mission; none for field data."""
+    zones = log.meta.get("scenario", {}).get("zones", ())
+    return tuple(ZoneConfig.model_validate(zone, strict=False) for zone in zones)
 
 
 def georeference_of(log: MissionLog) -> GeoreferenceConfig | None:

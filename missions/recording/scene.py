@@ -14,6 +14,7 @@ from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.wording import PHASES
+from pdpatrol.robot_models.moving_bodies import MOVING_RGBA, described_moving
 
 TRUTH = 0xFF46C8FF
 
@@ -112,6 +113,22 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
         shapes["world/route"] = labels_3d({name: [x, y, 0.02] for name, (x, y) in stops.items()}, 0.1)
         shapes["world/route/path"] = lines_3d([[[x, y, 0.02] for x, y in stops.values()]], 0x969EA8FF)
+    if zones := meta.get("scenario", {}).get("zones"):
+        names = [f"{zone['name']}, {zone['limit_mps']:g} m/s" for zone in zones]
+        rings = [[[x, y, 0.03] for x, y in (*zone["polygon_m"], zone["polygon_m"][0])] for zone in zones]
+        shapes["world/yard/zones"] = rr.LineStrips3D(
+            rings, colors=0xF9A825FF, radii=rr.Radius.ui_points(1.5), labels=names, show_labels=True
+        )
+    for description in truth.get("moving", ()):
+        body, _ = described_moving(description)
+        solid = {
+            "shape": "cylinder" if body.solid.radius_m > 0.0 else "box",
+            "size_m": body.half_size_m,
+            "position_m": [0.0, 0.0, 0.5 * body.solid.top_m],
+            "quaternion_wxyz": [1.0, 0.0, 0.0, 0.0],
+            "rgba": MOVING_RGBA[body.kind],
+        }
+        shapes |= _solids(f"world/truth/{body.label}", [solid], "solid")
     for path, shape in shapes.items():
         stream.log(path, shape, static=True)
 
@@ -119,12 +136,14 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
 def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
     """Draw poses and phases of a bin; each trajectory grows by the line of one bin."""
     first, end = part.first["step"], part.end
-    times, (x, y, yaw_rad) = at_steps(part.log, np.arange(first, end)), part.tables["step"]["pose"].T
-    turns = [rr.RotationAxisAngle([0, 0, 1], radians=angle) for angle in yaw_rad.tolist()]
-    moves = rr.Transform3D.columns(translation=np.column_stack([x, y, 0.0 * x]), rotation_axis_angle=turns)
-    stream.send_columns("world/robot", times, moves)
+    times, pose = at_steps(part.log, np.arange(first, end)), part.tables["step"]["pose"]
+    stream.send_columns("world/robot", times, _moves(pose))
+    for description in part.log.meta.get("truth", {}).get("moving", ()):
+        body, track = described_moving(description)
+        moves = _moves(track.pose(part.tables["step"]["time_s"]))
+        stream.send_columns(f"world/truth/{body.label}", times, moves)
     stream.send_columns("mission/phase", times, rr.StateChange.columns(state=part.tables["step"]["phase"]))
-    stream.log("plots/directions/heading", rr.Scalars(np.degrees(wrap(yaw_rad[-1]))))
+    stream.log("plots/directions/heading", rr.Scalars(np.degrees(wrap(pose[-1, 2]))))
     for path, column, height_m, colour, width in (
         ("world/trajectory", "pose", 0.06, 0x78BEFFFF, 1.5),
         ("world/truth/trajectory", "true_pose", 0.04, TRUTH, 0.8),
@@ -134,6 +153,13 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
         if np.isfinite(pose).all():
             line = np.column_stack([pose[:, :2], np.full(len(pose), height_m)])
             stream.log(path, lines_3d([line], colour, width))
+
+
+def _moves(pose: FloatArray) -> Any:  # noqa: ANN401 - columns of a type that Rerun does not export
+    """Return transforms for poses x m, y m, yaw rad, shape (n, 3)."""
+    turns = [rr.RotationAxisAngle([0, 0, 1], radians=angle) for angle in pose[:, 2].tolist()]
+    translation_m = np.column_stack([pose[:, :2], 0.0 * pose[:, 2]])
+    return rr.Transform3D.columns(translation=translation_m, rotation_axis_angle=turns)
 
 
 def _solids(path: str, solids: Sequence[Mapping[str, Any]], fill_mode: str) -> dict[str, Any]:

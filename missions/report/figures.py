@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,14 +10,15 @@ from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from dirmusic.locating.finding import outline95
-from pdpatrol.missions.record.log_contents import known_yard
+from pdpatrol.envs.scenario.zone import ZoneConfig
+from pdpatrol.missions.record.log_contents import known_yard, zones_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import ArrayCheck, DischargeKind, Report
 from pdpatrol.robot_models.equipment.catalogue import colour_of
@@ -59,6 +60,7 @@ def draw_site_plan(log: MissionLog, report: Report) -> Figure:
     figure = Figure(figsize=(7.1, min(6.4 * height_m / width_m + 1.0, 7.4)), layout="constrained")
     axes = figure.subplots()
     draw_ground(axes, log.meta["bounds_m"])
+    draw_zones(axes, zones_of(log))
     if yard := known_yard(log):
         draw_yard(axes, yard)
         for site in report.inspection.sites if report.inspection else ():
@@ -137,12 +139,22 @@ def draw_yard(axes: Axes, yard: Yard) -> None:
         else:
             style |= {"angle": np.degrees(solids.yaw_rad[k]), "rotation_point": "center"}
             axes.add_patch(Rectangle(tuple(centre_m - half_m), *(2.0 * half_m), **style))
-    axes.add_patch(Rectangle((0, 0), *yard.size_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
+    axes.add_patch(Polygon(yard.fence.corners_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
     size_pt, outline = 7.0 if len(yard.equipment) <= 14 else 5.5, [withStroke(linewidth=2.2, foreground="white")]
     style = {"fontsize": size_pt, "color": "#333d47", "path_effects": outline, "clip_on": True, "zorder": 6}
     for item in yard.equipment:
         low_m, high_m = item.solids.extent_m
         axes.text(0.5 * (low_m[0] + high_m[0]), low_m[1], item.name, ha="center", va="top", **style)
+
+
+def draw_zones(axes: Axes, zones: Sequence[ZoneConfig]) -> None:
+    """Draw zones with their speed limits."""
+    for zone in zones:
+        axes.add_patch(Polygon(zone.polygon_m, facecolor="#f9a825", alpha=0.18, linewidth=0.0, zorder=0.5))
+        axes.add_patch(Polygon(zone.polygon_m, fill=False, edgecolor="#f9a825", linestyle="--", zorder=0.6))
+        x, y = np.mean(zone.polygon_m, axis=0)
+        label = f"{zone.name}, {zone.limit_mps:g} m/s"
+        axes.text(x, y, label, ha="center", va="center", fontsize=6.5, color="#8d5a00", clip_on=True, zorder=6)
 
 
 def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, covariance_m2: ArrayLike) -> list[Artist]:

@@ -278,6 +278,21 @@ class ScoredSource(ReportPart):
     """Comparison with the paired finding; null if the source was not found."""
 
 
+class Encounter(ReportPart):
+    """Encounters of the robot with a person or vehicle that moved through the yard."""
+
+    name: str
+    """Name in the scenario."""
+    kind: Literal["person", "vehicle"]
+    """What it was."""
+    closest_m: Number | None
+    """Smallest distance from the circular outline of the robot, metres; null for a mission without steps."""
+    contacts: Count
+    """Number of contacts with the robot."""
+    ran_into_robot: Count
+    """Those in which the robot stood still."""
+
+
 class Scores(ReportPart):
     """Findings compared with the truth, which is known only for simulated missions."""
 
@@ -297,6 +312,8 @@ class Scores(ReportPart):
     false_all_clears: tuple[str, ...] | None
     """Inspected sites with a source of at least the stated level and rate, without a confirmed finding within 1 m of
     it; null if the inspection is not known."""
+    moving: tuple[Encounter, ...]
+    """Encounters with people and vehicles, which the robot did not know."""
 
     @property
     def matches(self) -> tuple[SourceMatch, ...]:

@@ -15,6 +15,7 @@ from pdpatrol.missions.planning.confirmation_probability import WINDOW_S
 from pdpatrol.missions.record.log_contents import known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import true_place
+from pdpatrol.missions.report.encounters import encounters
 from pdpatrol.missions.report.records import FindingRecord, ScoredSource, Scores, SiteInspections, SourceMatch
 
 CUT_OFF_M = 2.0
@@ -94,6 +95,7 @@ def score_mission(
         wrong_confirmations=live.n_wrong,
         wrong_s=live.wrong_s,
         false_all_clears=false_all_clears,
+        moving=encounters(log),
     )
 
 

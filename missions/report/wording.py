@@ -82,6 +82,7 @@ PHASES = {
     "listen": "stands and listens",
     "return to dock": "returns to the dock",
     "back off": "backs off from an obstacle",
+    "give way": "gives way to what moves",
     "random": "drives at random",
     "field": "field data",
 }

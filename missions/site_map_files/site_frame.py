@@ -1,16 +1,19 @@
-"""Frame of a yard on a map: the smallest rectangle around the outline of the substation."""
+"""Frame of a yard on a map: the smallest rectangle around the outline of the substation, and its fence."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 from scipy.spatial import ConvexHull, QhullError
 
 from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
+from pdpatrol.envs.scenario.base import error_lines
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.site_map_files.features import MapFeature
 from pdpatrol.missions.site_map_files.geodesy import longitude_latitude, places_in_yard
+from pdpatrol.robot_models.yard.polygon import LEAST_SIDE_M, Polygon, PolygonCorners
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M
 
 MARGIN_M = 5.0
@@ -19,8 +22,24 @@ MARGIN_M = 5.0
 OUTLINES = ("substation", "plant")
 """Values of the tag `power` of outlines."""
 
-FULL = 0.95
-"""Share of its rectangle that an outline must fill so that nothing is said about the rest."""
+RECTANGLE_M = 0.01
+"""Deviation from a rectangle up to which the fence is one (assumed), as of equipment from the fence."""
+
+
+class SiteFrame(NamedTuple):
+    """Frame of a yard on a map.
+
+    Attributes:
+        reference: Position on Earth.
+        size_m: Size of the yard, shape (2,).
+        fence_m: Corners of a fence that is not a rectangle, shape (n, 2), yard frame; None for a rectangle.
+        notes: Notes on assumptions.
+    """
+
+    reference: GeoreferenceConfig
+    size_m: FloatArray
+    fence_m: FloatArray | None
+    notes: list[str]
 
 
 class OrientedBox(NamedTuple):
@@ -57,18 +76,29 @@ def oriented_box(points_m: FloatArray, yaw_rad: float | None = None) -> Oriented
     return best if yaw_rad is not None else best._replace(yaw_rad=best.yaw_rad % np.pi)
 
 
-def site_frame(path: Any, features: Sequence[MapFeature]) -> tuple[GeoreferenceConfig, FloatArray, list[str]]:  # noqa: ANN401
+def with_outline(features: Sequence[MapFeature]) -> list[MapFeature]:
+    """Mark the largest closed fence around most features as the outline, if the map has none."""
+    rings = [each for each in features if each.shape == "Polygon" and each.tags.get("barrier") == "fence"]
+    if not rings or any(each.tags.get("power") in OUTLINES for each in features):
+        return list(features)
+    outline = max(rings, key=lambda each: ring_area(each.points_deg))
+    others_deg = np.array([each.points_deg.mean(axis=0) for each in features if each is not outline]).reshape(-1, 2)
+    is_around = Polygon(list(map(tuple, outline.points_deg.tolist()))).is_inside(others_deg)
+    if not len(others_deg) or is_around.mean() <= 0.5:
+        return list(features)
+    tags = {**outline.tags, "power": OUTLINES[0]}
+    return [each._replace(tags=tags) if each is outline else each for each in features]
+
+
+def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa: ANN401
     """Find the frame of the yard.
 
     Args:
         path: Name of the file, for messages.
         features: Features of the map.
 
-    Returns:
-        Position on Earth, size of the yard (2,), and notes.
-
     Raises:
-        InputFileError: If the yard is too large, or the map has several outlines.
+        InputFileError: If the yard is too large, the map has several outlines, or the sides of the outline cross.
     """
     outlines = [each for each in features if each.shape == "Polygon" and each.tags.get("power") in OUTLINES]
     if len(outlines) > 1:
@@ -93,8 +123,6 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> tuple[GeoreferenceC
             f"{path}: has no outline (power=substation, or a closed fence); "
             f"the yard extends {MARGIN_M:g} m beyond the features"
         )
-    elif (share := ring_area(points_m) / float(np.prod(size_m))) < FULL:
-        notes.append(f"{outlines[0].place}: fills {share:.0%} of its rectangle; the yard is the whole rectangle")
     if size_m.max() > MOST_YARD_M:
         given = f"{size_m[0]:.0f} x {size_m[1]:.0f} m"
         raise InputFileError([f"{path}: the yard must be at most {MOST_YARD_M:g} m long, got {given}"])
@@ -104,7 +132,29 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> tuple[GeoreferenceC
     reference = GeoreferenceConfig(
         latitude_deg=latitude_deg, longitude_deg=longitude_deg, heading_deg=round(heading_deg, 4)
     )
-    return reference, size_m, notes
+    fence_m = _fence(path, outlines[0].place, (points_m - corner_m) @ turn.T, size_m) if outlines else None
+    return SiteFrame(reference, size_m if fence_m is None else fence_m.max(axis=0), fence_m, notes)
+
+
+def _fence(path: Any, place: str, ring_m: FloatArray, size_m: FloatArray) -> FloatArray | None:  # noqa: ANN401
+    """Return the corners of an outline (n, 2), millimetres rounded, or None if it is the rectangle of a size (2,).
+
+    Corners that are nearer than `LEAST_SIDE_M` to the one before are left out.
+
+    Raises:
+        InputFileError: If it is not a simple polygon.
+    """
+    kept_m = ring_m[np.linalg.norm(ring_m - np.roll(ring_m, 1, axis=0), axis=-1) >= LEAST_SIDE_M].round(3)
+    kept_m = kept_m - kept_m.min(axis=0) if len(kept_m) else kept_m
+    try:
+        corners_m = TypeAdapter(PolygonCorners).validate_python(tuple(map(tuple, kept_m.tolist())))
+    except ValidationError as error:
+        lines = [f"{path}: {place}: outline: {line.lstrip(': ')}" for line in error_lines(error, GeoreferenceConfig)]
+        raise InputFileError(lines) from None
+    box_m = size_m * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    box = Polygon(list(map(tuple, box_m.tolist())))
+    off_m = np.abs([*box.signed_distance(kept_m), *Polygon(corners_m).signed_distance(box_m)])
+    return None if off_m.max() <= RECTANGLE_M else kept_m
 
 
 def ring_area(ring_m: FloatArray) -> float:

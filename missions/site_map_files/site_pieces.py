@@ -72,9 +72,14 @@ class Found(NamedTuple):
 
 
 def site_pieces(
-    features: Sequence[MapFeature], reference: GeoreferenceConfig, size_m: FloatArray
+    features: Sequence[MapFeature], reference: GeoreferenceConfig, fence: Yard
 ) -> tuple[list[Equipment], list[str]]:
     """Make pieces of equipment from features.
+
+    Args:
+        features: Features of the map.
+        reference: Frame of the yard.
+        fence: Yard without equipment.
 
     Returns:
         The pieces, with unique names, and a note on each feature that was left out or changed.
@@ -90,7 +95,7 @@ def site_pieces(
     found, merged = _with_poles_joined(found)
     notes += merged
     pieces: list[Equipment] = []
-    fence, adapter = Yard(size_m=(float(size_m[0]), float(size_m[1]))), TypeAdapter[Equipment](Equipment)
+    adapter = TypeAdapter[Equipment](Equipment)
     taken = {str(each.keys["name"]) for each in found if "name" in each.keys}
     parts = Counter[tuple[str, str]]()
     for place, keys, _ in found:

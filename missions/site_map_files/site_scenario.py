@@ -10,7 +10,7 @@ from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
 from pdpatrol.missions.site_map_files.features import MapContent, read_features
 from pdpatrol.missions.site_map_files.name_mapping import read_mapping
-from pdpatrol.missions.site_map_files.site_frame import site_frame
+from pdpatrol.missions.site_map_files.site_frame import SiteFrame, site_frame, with_outline
 from pdpatrol.missions.site_map_files.site_pieces import site_pieces
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES
 from pdpatrol.robot_models.yard.yard import Yard
@@ -36,22 +36,23 @@ def import_site(path: Path, mapping: Path | None = None) -> tuple[str, Yard, lis
         InputFileError: If the file has errors, or no equipment is known in it.
     """
     content = _content(path, mapping)
-    reference, size_m, frame_notes = site_frame(path, content.features)
-    size_m = size_m.round(2)
-    pieces, piece_notes = site_pieces(content.features, reference, size_m)
-    notes = [*content.notes, *frame_notes, *piece_notes]
+    features = with_outline(content.features)
+    frame = site_frame(path, features)
+    fence = _fenced(frame)
+    pieces, piece_notes = site_pieces(features, frame.reference, fence)
+    notes = [*content.notes, *frame.notes, *piece_notes]
     if not pieces:
         raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
     if len(pieces) > MOST_PIECES:
         raise InputFileError([f"{path}: must have at most {MOST_PIECES} pieces of equipment, got {len(pieces)}"])
-    yard = Yard(size_m=(float(size_m[0]), float(size_m[1])), equipment=tuple(pieces))
+    yard = Yard(size_m=fence.size_m, fence_m=fence.fence_m, equipment=tuple(pieces))
     rows = [_row(piece.model_dump(mode="json", exclude_none=True)) for piece in pieces]
     lines = [
         f"# Made by pdpatrol import from {path.name}, {len(pieces)} pieces",
         *([] if not notes else ["#", "# Notes:", *(f"# - {note}" for note in notes)]),
         "",
         "[yard]",
-        f"size_m = {list(yard.size_m)}",
+        f"size_m = {list(yard.size_m)}" if yard.fence_m is None else f"fence_m = {list(map(list, yard.fence_m))}",
         "equipment = [",
         *(f"  {row}," for row in rows),
         "]",
@@ -62,9 +63,17 @@ def import_site(path: Path, mapping: Path | None = None) -> tuple[str, Yard, lis
         "",
         "[array]",
         "",
-        tomlkit.dumps({"georeference": reference.model_dump()} if content.is_located else {}),
+        tomlkit.dumps({"georeference": frame.reference.model_dump()} if content.is_located else {}),
     ]
     return "\n".join(lines), yard, notes
+
+
+def _fenced(frame: SiteFrame) -> Yard:
+    """Return the yard without equipment; a rectangle is rounded to centimetres."""
+    if frame.fence_m is not None:
+        return Yard.model_validate({"fence_m": tuple(map(tuple, frame.fence_m.tolist()))})
+    x_m, y_m = frame.size_m.round(2).tolist()
+    return Yard(size_m=(x_m, y_m))
 
 
 def _content(path: Path, mapping: Path | None) -> MapContent:

@@ -15,8 +15,8 @@ def site_map(scenario: Scenario, reference: GeoreferenceConfig) -> dict[str, Any
 
     The points have tags of OpenStreetMap where these exist for their kind, and their keys in the scenario file.
     """
-    x_m, y_m = scenario.yard.size_m
-    corners_m = np.array([(0.0, 0.0), (x_m, 0.0), (x_m, y_m), (0.0, y_m), (0.0, 0.0)])
+    fence_m = scenario.yard.fence.corners_m
+    corners_m = np.concatenate([fence_m, fence_m[:1]])
     outline = {"type": "Polygon", "coordinates": [longitude_latitude(corners_m, reference).tolist()]}
     tags = {"power": "substation", "barrier": "fence", "heading_deg": reference.heading_deg}
     features = [{"type": "Feature", "properties": tags, "geometry": outline}]

@@ -80,12 +80,10 @@ def _height_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:
 def _fence_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:
     """Check the distance of live parts from the fence."""
     least_m = VOLTAGES[kv].to_fence_m
-    index = np.arange(len(parts.names))
+    off_m = yard.to_fence(yard.solids)
     for k in np.flatnonzero(parts.is_live).tolist():
-        low_m, high_m = yard.solids.take(index == k).extent_m
-        off_m = float(np.minimum(low_m, yard.size_m - high_m).min())
-        if off_m < least_m - ROUNDING_M:
-            yield f"{parts.names[k]}: is {off_m:.2f} m from the fence, live parts need {least_m:.2f} m"
+        if off_m[k] < least_m - ROUNDING_M:
+            yield f"{parts.names[k]}: is {off_m[k]:.2f} m from the fence, live parts need {least_m:.2f} m"
 
 
 def _distance_errors(yard: Yard, kv: Kv, parts: _Parts) -> Iterator[str]:

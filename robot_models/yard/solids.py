@@ -62,6 +62,14 @@ class YardSolids:
         half_m = np.einsum("ijn,nj->ni", turn, self.half_size_m) + self.radius_m[:, np.newaxis]
         return (self.centre_m - half_m).min(axis=0), (self.centre_m + half_m).max(axis=0)
 
+    @property
+    def corners_m(self) -> FloatArray:
+        """Corners of the footprints of boxes, counter-clockwise, shape (n_solids, 4, 2); of cylinders the middle."""
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        turn = np.moveaxis(np.array([[cos, -sin], [sin, cos]]), -1, 0)
+        signs = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+        return self.centre_m[:, np.newaxis] + (signs * self.half_size_m[:, np.newaxis]) @ np.swapaxes(turn, 1, 2)
+
     def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
         """Return signed distances from points (..., 2 or 3) to the footprints, negative inside; (..., n_solids)."""
         dx, dy = points_m[..., :1] - self.centre_m[:, 0], points_m[..., 1:2] - self.centre_m[:, 1]

@@ -70,7 +70,7 @@ def test_speed_profile_brakes_before_turns_and_end(corner_deg: float, speed_mps:
     along_m = np.arange(0.0, 5.0, 0.25)[:, np.newaxis]
     out = np.array([np.cos(np.radians(corner_deg)), np.sin(np.radians(corner_deg))])
     path = np.concatenate([along_m * [1.0, 0.0], [5.0, 0.0] + along_m * out])
-    speed = speed_profile(path, MAP.robot)
+    speed = speed_profile(path, MAP.robot, MAP.speed_limit(path))
     assert speed.max() == pytest.approx(MAP.robot.max_speed_mps)
     assert speed[-1] == 0.0
     assert speed[along_m.size] == pytest.approx(speed_mps)
@@ -80,4 +80,4 @@ def test_speed_profile_brakes_before_turns_and_end(corner_deg: float, speed_mps:
 
 def test_speed_profile_ignores_grid_steps() -> None:
     steps = np.cumsum([[0.25, 0.0], [0.25, 0.25]] * 20, axis=0)
-    assert speed_profile(steps, MAP.robot)[3:20].min() > 0.7 * MAP.robot.max_speed_mps
+    assert speed_profile(steps, MAP.robot, MAP.speed_limit(steps))[3:20].min() > 0.7 * MAP.robot.max_speed_mps

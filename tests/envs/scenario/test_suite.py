@@ -21,6 +21,7 @@ NOT_FROZEN = {
     "locating": True,
     "map": {"accuracy_m": True},
     "pose_sensor": {"frame_offset_std_m": True, "frame_rotation_std_deg": True},
+    "zones": True,
 }
 """Tables and keys of beliefs that the files omit, so that the defaults of the code apply."""
 
