@@ -11,7 +11,15 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_command
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
+from pdpatrol.missions.policies.protocol import (
+    Action,
+    Policy,
+    believed_pose,
+    checked_action,
+    resume,
+    status_of,
+    time_of,
+)
 from pdpatrol.missions.record.events import Phase
 
 BACK_OFF_S = 1.5
@@ -108,6 +116,11 @@ class CollisionGuard:
         v, yaw_rate = self._command
         fastest = max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S
         return robot.action_from_command(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot))
+
+    def resume(self) -> None:
+        """Forget the last motion, and let the policy prepare to go on."""
+        self._speed_mps, self._last_place_m = 0.0, None
+        resume(self._policy)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
         """Return True if the robot has moved less than 0.2 m in 4 s.
