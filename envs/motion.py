@@ -6,10 +6,13 @@ from dirmusic.angles import wrapped
 from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.robot_states import Parameters, RobotStates
-from pdpatrol.robot_models.readings import LEAST_UPRIGHT, MOTOR_POWER, POSE, UPRIGHT, WHEEL_ANGLES
+from pdpatrol.robot_models.readings import LEAST_UPRIGHT, MOTOR_POWER, POSE, UPRIGHT, VELOCITY, WHEEL_ANGLES
 
 MAX_BEARING_AGE_S = 60.0
 """Upper bound of the observed age of the last bearing. Assumed; an older bearing is of little use to a moving robot."""
+
+STANDING_MPS = 0.05
+"""Speed below which a robot at its dock is charged. Assumed; less than that of any drive."""
 
 
 @compiled
@@ -64,10 +67,9 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
     odometry[0] += path_m * np.cos(along)
     odometry[1] += path_m * np.sin(along)
     odometry[2] = wrapped(odometry[2] + turn_rad)
-    used_wh = (parameters.idle_w + reading[MOTOR_POWER]) * (step_s / 3600.0)
     state.n_steps[r] += 1
     state.time_s[r] = state.n_steps[r] * step_s
-    state.battery[r] = max(state.battery[r] - used_wh / parameters.capacity_wh, 0.0)
+    use_battery(state, parameters, reading, r)
     events, believed = state.pose_events[r], state.believed_pose[r]
     if events[0] < parameters.jump_probability:
         for k in range(3):
@@ -80,6 +82,18 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
         believed[0] = x + path_m * np.cos(yaw + 0.5 * turn_rad)
         believed[1] = y + path_m * np.sin(yaw + 0.5 * turn_rad)
         believed[2] = wrapped(yaw + turn_rad)
+
+
+@compiled_inner
+def use_battery(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
+    """Discharge the battery of robot `r` for one step, or charge it if the robot stands at its dock."""
+    dock_m, speed_mps = parameters.stops_m[len(parameters.stops_m) - 1], abs(reading[VELOCITY][0])
+    from_dock_m = np.hypot(dock_m[0] - reading[POSE][0], dock_m[1] - reading[POSE][1])
+    power_w = -parameters.idle_w - parameters.drive_j_per_m * speed_mps - reading[MOTOR_POWER]
+    if from_dock_m <= parameters.stop_radius_m and speed_mps < STANDING_MPS:
+        power_w = parameters.charge_w
+    charge = state.battery[r] + power_w * (parameters.step_s / 3600.0) / parameters.capacity_wh
+    state.battery[r] = min(max(charge, 0.0), 1.0)
 
 
 @compiled_inner
@@ -136,7 +150,7 @@ def visit(state: RobotStates, parameters: Parameters, reading: FloatArray, r: in
     state.success[r] = all_approached
     state.distance_m[r] = nearest_distance(state, r, x, y)
     state.fell_over[r] = reading[UPRIGHT] < LEAST_UPRIGHT
-    state.terminated[r] = is_done or state.fell_over[r]
+    state.terminated[r] = is_done or state.fell_over[r] or state.battery[r] == 0.0
     state.truncated[r] = state.n_steps[r] >= parameters.max_steps
 
 

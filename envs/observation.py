@@ -52,6 +52,7 @@ class ObservationLayout:
             "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
             "waypoint": box(0, size_m, 2),
             "time": box(0, scenario.task.time_limit_s, 1),
+            "state_of_charge": box(0, 1, 1),
             "strengths": box(0, 1, scenario.array.n_channels),
             "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
         }
@@ -137,7 +138,7 @@ def observe_robots(
         k, stop_m = 4 + n_beams, parameters.stops_m[stop]
         for number in (
             velocity[r, 0], velocity[r, 1], detected, level_decades, bearing[0], bearing[1],
-            state.bearing_age_s[r], stop_m[0], stop_m[1], state.time_s[r],
+            state.bearing_age_s[r], stop_m[0], stop_m[1], state.time_s[r], state.battery[r],
         ):  # fmt: skip
             numbers[k] = number
             k += 1

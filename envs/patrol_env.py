@@ -125,6 +125,7 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     | bearing_age | 1 | [0, 60] | s | time since the last bearing, clipped; 60 before the first |
     | waypoint | 2 | yard | m | first waypoint not yet visited, world frame; the dock after the last |
     | time | 1 | [0, time limit] | s | time since the start of the episode |
+    | state_of_charge | 1 | [0, 1] | 1 | charge of the battery; rises while the robot stands at the dock |
 
     ## Reward
     The reward is the progress in metres towards the nearest source not yet approached, minus 0.05 per second, minus 1
@@ -134,10 +135,10 @@ class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
     ## Episode
     `reset` draws the site and amplitude of each source, the heading at the dock, and the errors of array and pose. An
     episode terminates when every source has been approached to within the stand-off distance (with
-    `terminate_on_approach`), when the robot is back at the dock after the route, or when it has fallen over, that is,
-    leans by more than 45 degrees. `success` in `info` is True in the first case only. An episode is truncated at the
-    time limit of the scenario. `spec.max_episode_steps` of an environment gives this limit in steps; the registered
-    spec has None, because the limit depends on the scenario. A lower limit from
+    `terminate_on_approach`), when the robot is back at the dock after the route, when its battery is empty, or when it
+    has fallen over, that is, leans by more than 45 degrees. `success` in `info` is True in the first case only. An
+    episode is truncated at the time limit of the scenario. `spec.max_episode_steps` of an environment gives this limit
+    in steps; the registered spec has None, because the limit depends on the scenario. A lower limit from
     `gymnasium.make(max_episode_steps=...)` is applied by Gymnasium's `TimeLimit` wrapper.
 
     ## Seeds

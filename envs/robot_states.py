@@ -41,7 +41,7 @@ class RobotStates(NamedTuple):
         success: True if the robot has approached every source, False without sources, shape (n_robots,).
         touched: True if the robot touched anything but the floor in the last step, shape (n_robots,).
         fell_over: True if the robot leans too far to recover, shape (n_robots,).
-        terminated: True if the task is done or the robot has fallen over, shape (n_robots,).
+        terminated: True if the task is done, the robot has fallen over, or its battery is empty, shape (n_robots,).
         truncated: True if the time limit is reached, shape (n_robots,).
         reward: Reward of the last step, shape (n_robots,).
         reward_progress: Reward term for progress, shape (n_robots,).
@@ -132,8 +132,10 @@ class Parameters(NamedTuple):
         pose_bias: Constant error of the pose sensor: forward m, left m, yaw rad, shape (3,).
         frame: Displacement and rotation of the localisation against the map, x m, y m, yaw rad, shape (3,).
         gyro_noise_rad: Standard deviation of the gyro noise per step.
-        idle_w: Constant load of the battery.
-        capacity_wh: Capacity of the battery.
+        idle_w: True constant load of the battery.
+        drive_j_per_m: True energy per metre against rolling resistance.
+        charge_w: True power into the battery while the robot stands at the dock.
+        capacity_wh: True capacity of the battery.
         stops_m: Positions of the waypoints, in order, and of the dock, shape (n_waypoints + 1, 2).
         standoff_m: Distance within which a source counts as approached.
         stop_radius_m: Distance within which a waypoint or the dock counts as reached.
@@ -157,6 +159,8 @@ class Parameters(NamedTuple):
     frame: FloatArray
     gyro_noise_rad: float
     idle_w: float
+    drive_j_per_m: float
+    charge_w: float
     capacity_wh: float
     stops_m: FloatArray
     standoff_m: float
@@ -187,6 +191,7 @@ class Parameters(NamedTuple):
         """
         task, odometry, true_pose = scenario.task, scenario.odometry, scenario.nature.pose_sensor
         pose_sensor = true_pose.applied_to(scenario.pose_sensor)
+        battery = scenario.nature.battery.applied_to(scenario.battery)
         return cls(
             step_s=step_s,
             max_steps=math.ceil(min(task.time_limit_s / step_s - 1e-6, max_episode_steps or math.inf)),
@@ -199,8 +204,10 @@ class Parameters(NamedTuple):
             pose_bias=true_pose.bias,
             frame=true_pose.frame,
             gyro_noise_rad=math.radians(odometry.gyro_noise_deg_per_sqrt_min) / 60.0**0.5 * step_s**0.5,
-            idle_w=scenario.battery.idle_w,
-            capacity_wh=scenario.battery.capacity_wh,
+            idle_w=battery.idle_w,
+            drive_j_per_m=battery.drive_j_per_m,
+            charge_w=battery.charge_w,
+            capacity_wh=battery.capacity_wh,
             stops_m=np.array([*scenario.route.stops_m, scenario.route.dock_m]),
             standoff_m=task.standoff_m,
             stop_radius_m=task.waypoint_radius_m,

@@ -24,7 +24,8 @@ from pdpatrol.missions.driving.registration import Registration
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.policies.make_policy import Oracle, OwnPolicy, make_policy
-from pdpatrol.missions.record.events import EventKind
+from pdpatrol.missions.policies.recharging import Recharging
+from pdpatrol.missions.record.events import ChargingStage, EventKind
 from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
@@ -77,7 +78,7 @@ class Mission:
         env: The environment.
         site_map: The map that the policy gets.
         registration: Estimator of the frame of the localisation, by which poses are corrected.
-        policy: The policy.
+        policy: The policy, which is interrupted to charge the battery.
         log: The log so far.
         n_visited: Number of waypoints visited so far.
         stopwatch: Wall time of policy, environment and locating.
@@ -110,7 +111,10 @@ class Mission:
         simulation = self.env.simulation
         locator = make_locator(scenario, self.site_map, simulation.array)
         observation, info = self.env.reset(seed=seed)
-        self.policy = make_policy(policy, simulation.generators[0].policy)
+        driver = make_policy(policy, simulation.generators[0].policy)
+        self.policy = Recharging(driver, scenario.battery)
+        self._stage: ChargingStage = self.policy.stage
+        self._has_charged_here = False
         self._happened: list[tuple[EventKind, str, int, str]] = []
         self.log = MissionLog(self._meta(scenario, policy, seed, info))
         self._tracker = Tracker(
@@ -120,8 +124,8 @@ class Mission:
             scenario.pose_sensor.pose_error,
             scenario.locating.rules().max_std_rad,
         )
-        if isinstance(self.policy, Oracle | OwnPolicy):
-            self.policy.reveal(info["truth"])
+        if isinstance(driver, Oracle | OwnPolicy):
+            driver.reveal(info["truth"])
         self._observation, _, _ = self._localise(observation, info)
 
     @property
@@ -215,9 +219,13 @@ class Mission:
         self._log_events(info)
         if self.folder is not None and self.log.n_rows("step") % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
+        # After the route, the environment terminates at the dock, also where the robot only charges.
+        self._has_charged_here = self.policy.stage != "continues" or (self._has_charged_here and terminated)
         if info["fell_over"]:
             self.end("fell over")
-        elif terminated:
+        elif info["battery"] == 0.0:
+            self.end("battery empty")
+        elif terminated and not self._has_charged_here:
             self.end("docked")
         elif truncated:
             self.end("time limit")
@@ -247,7 +255,10 @@ class Mission:
             self.log.event("frame", text)
 
     def _log_events(self, info: dict[str, Any]) -> None:
-        """Log contacts, visited waypoints and waypoints given up, each in the step in which it begins."""
+        """Log contacts, visited waypoints, waypoints given up and charges, each in the step in which it begins."""
+        if self.policy.stage != self._stage:
+            self._stage = self.policy.stage
+            self.log.event(self._stage, f"{self._stage}: {100.0 * info['battery']:.0f} % of the battery left")
         visited = (np.flatnonzero(info["waypoints_visited"]) + 1).tolist()
         before = self._happened
         self._happened = [

@@ -8,7 +8,15 @@ from pydantic import Field, model_validator
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.moving import MOST_MOVING, MovingConfig
-from pdpatrol.envs.scenario.robot import CorrelationTime, MetreError, PoseSensorConfig
+from pdpatrol.envs.scenario.robot import (
+    BatteryConfig,
+    Capacity,
+    CorrelationTime,
+    EnergyPerMetre,
+    MetreError,
+    PoseSensorConfig,
+    Power,
+)
 from pdpatrol.sensing import TrueArrayConfig, TrueReceiverConfig
 from pdpatrol.sensing.quantities import AngleError, Config, Degree
 
@@ -75,6 +83,22 @@ class TruePoseConfig(Config):
         return np.array([*self.frame_offset_m, radians(self.frame_rotation_deg)])
 
 
+class TrueBatteryConfig(Config):
+    """True battery, loads and charger; keys that are absent have the believed values.
+
+    The robot reads the true state of charge.
+    """
+
+    capacity_wh: Capacity | None = None
+    idle_w: Power | None = None
+    drive_j_per_m: EnergyPerMetre | None = None
+    charge_w: Power | None = None
+
+    def applied_to(self, believed: BatteryConfig) -> BatteryConfig:
+        """Return the believed battery with the true values."""
+        return believed.model_copy(update=self.model_dump(exclude_none=True))
+
+
 class NatureConfig(Config):
     """True values that differ from the believed ones; by default only the drawn errors differ.
 
@@ -84,6 +108,7 @@ class NatureConfig(Config):
 
     array: TrueArrayConfig = TrueArrayConfig()
     pose_sensor: TruePoseConfig = TruePoseConfig()
+    battery: TrueBatteryConfig = TrueBatteryConfig()
     receiver: TrueReceiverConfig = TrueReceiverConfig()
     moving: tuple[MovingConfig, ...] = Field(default=(), max_length=MOST_MOVING)
     """People and vehicles, which the robot meets without knowing of them."""

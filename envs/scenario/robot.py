@@ -107,8 +107,28 @@ class LidarConfig(Config):
     range_std_m: MetreError = 0.02
 
 
-class BatteryConfig(Config):
-    """Battery capacity and constant load. Assumed; a 24 V, 20 Ah pack that powers a fast digitiser and a computer."""
+Capacity = Annotated[float, Field(ge=0.01, le=1e6)]
+Power = Annotated[float, Field(ge=0.001, le=1e6)]
+EnergyPerMetre = Annotated[float, Field(ge=0.0, le=1e5)]
 
-    capacity_wh: Annotated[float, Field(ge=0.01, le=1e6)] = 480.0
-    idle_w: Annotated[float, Field(ge=0.001, le=1e6)] = 80.0
+
+class BatteryConfig(Config):
+    """Battery, its loads and its charger as the robot believes them; see `TrueBatteryConfig`.
+
+    The motors of the simulation add what acceleration and skidding take: 0.3 W on patrols of the inspector, 9 W on
+    those of the crawler. The robot measures the sum while it drives.
+    """
+
+    capacity_wh: Capacity = 480.0
+    """Energy of the full battery. A sealed pack of 24 V and 20 Ah, as in the Clearpath Husky A200 (user manual)."""
+    idle_w: Power = 80.0
+    """Constant load. Assumed; a fast digitiser and a computer."""
+    drive_j_per_m: EnergyPerMetre = 20.0
+    """Energy per metre against rolling resistance, which the simulated floor lacks. Assumed: 18 kg on loose gravel with
+    a rolling resistance coefficient of 0.06 (0.04 to 0.08, engineeringtoolbox.com, Rolling Resistance) and half of the
+    energy lost in the drive. It matters little: 16 W at 0.8 m/s, a sixth of the total."""
+    charge_w: Power = 240.0
+    """Power into the battery while the robot stands at the dock, where the charger also carries the constant load.
+    Assumed; half the capacity per hour, usual for lithium-ion cells."""
+    reserve: Annotated[float, Field(ge=0.0, le=0.9)] = 0.2
+    """State of charge with which the robot arrives at the dock when it returns to charge. Assumed."""

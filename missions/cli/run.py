@@ -18,7 +18,7 @@ from pdpatrol.missions.cli.terminal import err, fail, note, output_folder, progr
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
-from pdpatrol.missions.report.wording import inspection_text
+from pdpatrol.missions.report.wording import battery_text, inspection_text
 from pdpatrol.missions.runner import Mission, Stopwatch
 
 
@@ -114,10 +114,10 @@ def run(
 
 def _summary(report: Report) -> list[str]:
     """Describe the course of the mission in a few lines for the terminal."""
-    battery = "" if report.battery_left is None else f"; {100 * report.battery_left:.1f} % of the battery left"
     time_s = f"{report.sim_time_s:.0f} s simulated in {report.wall_time_s:.1f} s"
+    facts = f"{report.ending} after {time_s}", f"{report.distance_m:.0f} m driven", battery_text(report)
     lines = [
-        f"{report.ending} after {time_s}; {report.distance_m:.0f} m driven{battery}",
+        "; ".join(filter(None, facts)),
         f"{report.n_bearings} bearings; {report.collisions} collisions",
     ]
     for kind, numbers in (("missed", report.waypoints.missed), ("unreachable", report.waypoints.unreachable)):

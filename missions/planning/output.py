@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from pdpatrol.missions.driving.site_map import CELL_M
 from pdpatrol.missions.planning.confirmation_probability import CERTAIN
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan
+from pdpatrol.missions.planning.shift import shift_text
 from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard, draw_zones
 
 MOST_INCHES = 20.0
@@ -68,7 +70,8 @@ def summary(plan: Plan) -> str:
         f"with {plan.dwell_s:g} s at each stop, {n_certain} sites at which {stated.level_dbv:g} dBV at 1 m and "
         f"{stated.rate_hz:g}/s would be confirmed with {100 * CERTAIN:.0f} %"
     )
-    if plan.driving_s + plan.dwell_s * len(plan.stops_m) > limit_s:
+    parts.append(shift_text(plan.shift))
+    if plan.shift.duration_s > limit_s:
         parts.append(f"more than the time limit of {limit_s:.0f} s")
     return "; ".join(parts)
 
@@ -112,6 +115,10 @@ def as_json(plan: Plan) -> dict[str, Any]:
             )
         ],
         "blind": list(plan.blind),
+        "shift": {
+            **asdict(plan.shift),
+            "charges": [{**asdict(charge), "place_m": list(charge.place_m)} for charge in plan.shift.charges],
+        },
     }
 
 

@@ -19,6 +19,7 @@ from pdpatrol.missions.driving.site_map import CELL_M, COMFORT_M, SiteMap
 from pdpatrol.missions.planning.confirmation_probability import CERTAIN, ConfirmationModel, Passes
 from pdpatrol.missions.planning.cover import CROSSING_RAD, MIN_CELLS, candidates, cover, coverage
 from pdpatrol.missions.planning.detectability import AMPLITUDE_V, Detectability, compute_detectability
+from pdpatrol.missions.planning.shift import PlannedRoute, ShiftPlan, plan_shift
 from pdpatrol.missions.planning.tour import ShortestTours, Tour, TourShortener
 
 DWELLS_S = (0.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
@@ -126,6 +127,12 @@ class Plan:
         model = ConfirmationModel(self.scenario, self.site_map.sight)
         views = (model.views(passes, site_m) for site_m in sites_m)
         return np.array([model.chances(each, stated.level_dbv, stated.rate_hz).confirmed for each in views])
+
+    @cached_property
+    def shift(self) -> ShiftPlan:
+        """Energy and charges of a round."""
+        route = PlannedRoute(self.path_m, self.stops_m, self.dwell_s, HALT_S)
+        return plan_shift(self.scenario, self.site_map, route)
 
 
 class SiteDetection(NamedTuple):

@@ -11,7 +11,15 @@ from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.lidar_stop import free_distance, safe_command
 from pdpatrol.missions.driving.moving_obstacles import MovingObstacles, Scan
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
+from pdpatrol.missions.policies.protocol import (
+    Action,
+    Policy,
+    believed_pose,
+    checked_action,
+    resume,
+    status_of,
+    time_of,
+)
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
@@ -146,6 +154,11 @@ class CollisionGuard:
         self._last_place_m = None
         self.phase = Phase("give way", self.phase.target)
         return True
+
+    def resume(self) -> None:
+        """Forget the last motion, and let the policy prepare to go on."""
+        self._speed_mps, self._last_place_m = 0.0, None
+        resume(self._policy)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
         """Return True if the robot has moved less than 0.2 m in 4 s.

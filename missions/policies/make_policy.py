@@ -17,6 +17,7 @@ from pdpatrol.missions.policies.protocol import (
     Action,
     ReportingPolicy,
     checked_action,
+    resume,
     status_of,
     time_of,
 )
@@ -111,6 +112,10 @@ class OwnPolicy:
         if hasattr(self._policy, "reveal"):
             with calling(self._maker, "reveal(truth)"):
                 self._policy.reveal(copy.deepcopy(truth))
+
+    def resume(self) -> None:
+        """Let the policy prepare to go on, if it has `resume`."""
+        resume(self._policy)
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Return the policy's action after checking it."""

@@ -42,6 +42,10 @@ class Policy(Protocol):
     `pdpatrol.missions.record.events.Phase` (default: the name of its class), and `unreachable`, the numbers of the
     waypoints that it has given up, from 1 (default: none). Both are logged.
 
+    **Battery.** When the charge only just lasts for the drive to the dock, the runner takes the robot there, charges it
+    and then calls the policy again. If the policy has a method `resume()`, it is called once before: plan paths anew
+    from the dock, and forget deadlines. A policy in the phase `return to dock` is not interrupted.
+
     **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call: `info["truth"]` of
     the environment's reset, with `full_info`. Such a policy is a reference for others, and its own results do not
     count. A collision guard does not pass the truth on: put the guard inside the policy, as `oracle` does.
@@ -68,6 +72,9 @@ class ReportingPolicy(Policy, Protocol):
 
     phase: Phase
     unreachable: tuple[int, ...] = ()
+
+    def resume(self) -> None:
+        """Prepare to go on from the dock after the robot was taken there to charge."""
 
 
 def checked_action(action: object, policy: object) -> Action | None:
@@ -96,6 +103,18 @@ def status_of(policy: object) -> tuple[Phase, tuple[int, ...]]:
         if not isinstance(phase, str | Phase):
             raise TypeError(f"its `phase` is {phase!r:.80}")
         return phase if isinstance(phase, Phase) else Phase(phase), tuple(map(operator.index, unreachable))
+
+
+def resume(policy: object) -> None:
+    """Call `resume()` of any policy that has it.
+
+    Raises:
+        UserCodeError: If it raises an exception.
+    """
+    method = getattr(policy, "resume", None)
+    if method is not None:
+        with calling(policy, "resume()"):
+            method()
 
 
 def believed_pose(observation: Observation) -> FloatArray:

@@ -128,6 +128,11 @@ class Seek(ReportingPolicy):
         """
         return best_viewpoint(target.position_m, views_m, paths)
 
+    def resume(self) -> None:
+        """Choose a viewpoint of the current candidate anew, or plan the path to the next stop."""
+        self._drive = None
+        self._patrol.resume()
+
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
         """Return the current candidate while its time is not spent, else the nearest such one."""
         if self._is_late:

@@ -2,25 +2,31 @@
 
 from typing import Literal, NamedTuple
 
-EventKind = Literal[
-    "waypoint",
-    "unreachable",
-    "contact",
-    "clipped",
-    "channel fault",
-    "calibration",
-    "array",
-    "frame",
-    "candidate",
-    "confirmed",
-    "outside",
-    "dropped",
-    "possibly two",
-    "note",
-    "rejected",
-    "error",
-    "end",
-]
+ChargingStage = Literal["returns to charge", "charging", "continues"]
+"""Stages of a charge. The policy drives in the last one, and from the start on."""
+
+EventKind = (
+    Literal[
+        "waypoint",
+        "unreachable",
+        "contact",
+        "clipped",
+        "channel fault",
+        "calibration",
+        "array",
+        "frame",
+        "candidate",
+        "confirmed",
+        "outside",
+        "dropped",
+        "possibly two",
+        "note",
+        "rejected",
+        "error",
+        "end",
+    ]
+    | ChargingStage
+)
 """Kinds of events. Those from `candidate` to `dropped` are new states of a finding; the next one is about a finding,
 too."""
 
@@ -30,7 +36,7 @@ class Phase(NamedTuple):
 
     Attributes:
         name: One or two words; built-in policies use `patrol`, `seek`, `return to dock`, `listen`, `back off`,
-            `give way` and `random`.
+            `give way` and `random`; while the battery is charged, it is `return to charge` and `charge`.
         target: Number of the waypoint, from 1, that it drives to, or id of the candidate that it views; 0 if neither.
     """
 

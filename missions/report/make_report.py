@@ -18,6 +18,7 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.array_check import check_array
 from pdpatrol.missions.report.records import (
+    Charge,
     DischargeKind,
     FindingRecord,
     PulseCounts,
@@ -58,6 +59,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         wall_time_s=wall_time_s,
         distance_m=float(distances_along(step["pose"])[-1]),
         battery_left=float(battery[0]) if np.isfinite(battery).any() else None,
+        charges=_charges(events, step),
         collisions=len(_events(events, "contact")),
         waypoints=_waypoints(log),
         n_bearings=log.n_rows("bearing"),
@@ -103,6 +105,20 @@ def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[An
 def _events(events: dict[str, NDArray[Any]], *kinds: EventKind, column: str = "text") -> tuple[Any, ...]:
     """Return one column of the events of some kinds."""
     return tuple(events[column][np.isin(events["kind"], kinds)].tolist())
+
+
+def _charges(events: dict[str, NDArray[Any]], step: dict[str, NDArray[Any]]) -> tuple[Charge, ...]:
+    """Return the charges of the battery, one for each event of kind `returns to charge`."""
+    charges = list[dict[str, float | None]]()
+    for kind, row in zip(events["kind"].tolist(), events["step"].tolist(), strict=True):
+        if kind == "returns to charge":
+            unknown = dict.fromkeys(("arrived_s", "battery_left", "continued_s"))
+            charges.append({**unknown, "returned_s": step["time_s"][row]})
+        elif kind == "charging":
+            charges[-1] |= {"arrived_s": step["time_s"][row], "battery_left": step["battery"][row]}
+        elif kind == "continues":
+            charges[-1]["continued_s"] = step["time_s"][row]
+    return tuple(map(Charge.model_validate, charges))
 
 
 def _waypoints(log: MissionLog) -> Waypoints:

@@ -43,6 +43,19 @@ class Waypoints(ReportPart):
     """Missed waypoints to which the robot found no path."""
 
 
+class Charge(ReportPart):
+    """One charge of the battery at the dock; times in seconds from the start, null if the mission ended before."""
+
+    returned_s: Length
+    """Time at which the robot turned back to charge."""
+    arrived_s: Length | None
+    """Time at which it began to charge."""
+    battery_left: Probability | None
+    """State of charge at that time."""
+    continued_s: Length | None
+    """Time at which it went on."""
+
+
 class PulseCounts(ReportPart):
     """Classification of the pulses; the last two are null if the mission was killed."""
 
@@ -346,6 +359,8 @@ class Report(ReportPart):
     """Length of the path of the estimated poses, metres."""
     battery_left: Probability | None
     """Remaining fraction of the battery's energy; null for field data."""
+    charges: tuple[Charge, ...]
+    """Charges of the battery, in order."""
     collisions: Count
     """Number of contacts of the robot."""
     waypoints: Waypoints

@@ -81,6 +81,8 @@ PHASES = {
     "seek": "approaches a candidate",
     "listen": "stands and listens",
     "return to dock": "returns to the dock",
+    "return to charge": "returns to the dock to charge",
+    "charge": "charges at the dock",
     "back off": "backs off from an obstacle",
     "give way": "gives way to what moves",
     "random": "drives at random",
@@ -144,6 +146,18 @@ def phase_text(phase: Phase) -> str:
     if phase.target and phase.name in towards:
         return f"{towards[phase.name]} {phase.target}"
     return PHASES.get(phase.name, str(phase))
+
+
+def battery_text(report: Report) -> str | None:
+    """Return the state of charge at the end, and the charges; None if it is not known."""
+    if report.battery_left is None:
+        return None
+    charges = ", ".join(
+        f"at {charge.arrived_s:.0f} s with {100.0 * charge.battery_left:.0f} % left"
+        for charge in report.charges
+        if charge.arrived_s is not None and charge.battery_left is not None
+    )
+    return f"{100.0 * report.battery_left:.1f} % of the battery left" + (f", charged {charges}" if charges else "")
 
 
 def inspection_text(inspection: SiteInspections) -> str:

@@ -11,7 +11,7 @@ from pdpatrol.envs.motion import sense_motion, start_motion
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
-from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, POSE, WHEEL_ANGLES
+from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, POSE, VELOCITY, WHEEL_ANGLES
 from pdpatrol.sensing.quantities import Config
 from tests.envs.helpers import drive
 
@@ -32,12 +32,14 @@ class Sensors:
         true_pose: np.ndarray | float = 0.0,
         wheels_rad: float = 0.0,
         power_w: np.ndarray | float = 0.0,
+        speed_mps: float = 0.0,
         started: Sequence[int] = (),
         rows: Sequence[int] | None = None,
     ) -> None:
         """Step some robots, all by default, and start those in `started`."""
         readings = np.zeros((self.n, 8))
         readings[:, POSE], readings[:, WHEEL_ANGLES], readings[:, MOTOR_POWER] = true_pose, wheels_rad, power_w
+        readings[:, VELOCITY] = speed_mps, 0.0
         self.state.motion_normal[:] = normal
         for row in range(self.n) if rows is None else rows:
             update = start_motion if row in started else sense_motion
@@ -94,6 +96,36 @@ def test_battery_supplies_motors_and_idle_load() -> None:
     for _ in range(2):
         sensors.sense(power_w=power_w, rows=[1])
     assert battery[1] == 0.0
+
+
+def test_battery_supplies_the_drive_in_both_directions() -> None:
+    sensors = Sensors(1, 36.0, battery=BatteryConfig(capacity_wh=10.0, idle_w=80.0, drive_j_per_m=50.0))
+    sensors.sense(started=[0])
+    for speed_mps, expected in ((0.4, 0.9), (-0.4, 0.8)):
+        sensors.sense(speed_mps=speed_mps)
+        np.testing.assert_allclose(sensors.state.battery, expected)
+
+
+def test_battery_is_charged_only_while_standing_at_the_dock() -> None:
+    battery = BatteryConfig(capacity_wh=10.0, idle_w=100.0, drive_j_per_m=0.0, charge_w=50.0)
+    sensors, dock_m = Sensors(1, 36.0, battery=battery), load_scenario("bench").route.dock_m
+    at_dock, beside = np.array([*dock_m, 0.0]), np.array([dock_m[0] + 0.7, dock_m[1], 0.0])
+    sensors.sense(started=[0], true_pose=at_dock)
+    for pose, speed_mps, expected in (
+        (at_dock, 0.0, 1.0), (beside, 0.0, 0.9), (at_dock, 0.1, 0.8), (at_dock, 0.0, 0.85), (at_dock, -0.1, 0.75),
+    ):  # fmt: skip
+        sensors.sense(true_pose=pose, speed_mps=speed_mps)
+        np.testing.assert_allclose(sensors.state.battery, expected)
+
+
+def test_episode_ends_when_the_battery_is_empty() -> None:
+    env = PatrolEnv(load_scenario("quiet_yard", {"battery.capacity_wh": 0.02, "nature.battery.idle_w": 90.0}))
+    env.reset(seed=0)
+    steps = [env.step(drive(1.0, 0.0)) for _ in range(9)]
+    batteries = [observation["state_of_charge"].item() for observation, *_ in steps]
+    assert [terminated for _, _, terminated, _, _ in steps] == [battery == 0.0 for battery in batteries]
+    assert batteries[-1] == 0.0
+    assert batteries[0] == 1.0 or batteries[0] > batteries[1]
 
 
 def displacement(start: np.ndarray, end: np.ndarray) -> complex:

@@ -16,6 +16,7 @@ from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
 FloatArray = NDArray[np.float64]
 
 NOT_FROZEN = {
+    "battery": {"drive_j_per_m": True, "charge_w": True, "reserve": True},
     "estimator": True,
     "inspection": True,
     "locating": True,
@@ -23,7 +24,8 @@ NOT_FROZEN = {
     "pose_sensor": {"frame_offset_std_m": True, "frame_rotation_std_deg": True},
     "zones": True,
 }
-"""Tables and keys of beliefs that the files omit, so that the defaults of the code apply."""
+"""Tables and keys that the files omit, so that the defaults of the code apply: beliefs, and keys of the battery, which
+lasts longer than any mission of the suite."""
 
 NEW_IN_2 = {"mismatch", "frame", "close", "slow", "wet"}
 """Levels of version 2, whose yards are those of version 1 with one table changed."""
