@@ -53,13 +53,16 @@ class DriveHome:
     def __init__(self, site_map: SiteMap) -> None:
         self._site_map = site_map
         self.paths = site_map.reach(site_map.route.dock_m)
+        slowness = 1.0 / site_map.speed_limit(site_map.centres_m) - 1.0 / site_map.robot.max_speed_mps
+        self._in_zones_s = self.paths.integrate(slowness)
 
     def duration_s(self, place_m: ArrayLike) -> float:
         """Return the time of the drive from a place (2,), with the margin; ground near equipment counts twice."""
         cell = self._site_map.cell(place_m)
         if not np.isfinite(self.paths.length_m[cell]):
             cell = self.paths.nearest(place_m)
-        return TURN_S + (1.0 + MARGIN) * float(self.paths.length_m[cell]) / self._site_map.robot.max_speed_mps
+        at_top_speed_s = float(self.paths.length_m[cell]) / self._site_map.robot.max_speed_mps
+        return TURN_S + (1.0 + MARGIN) * (at_top_speed_s + float(self._in_zones_s[cell]))
 
     def needed_charge(self, place_m: ArrayLike, consumption: Consumption, reserve: float) -> float:
         """Return the state of charge with which the robot has to leave a place (2,) to arrive with the reserve."""

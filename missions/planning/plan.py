@@ -182,6 +182,7 @@ def make_plan(
     shortener = TourShortener(detectability, tours, required, is_stop, HALT_S * speed_mps, report)
     tour = tours.in_order(shortener.shorten(longer.stops.tolist()))
     n_halts = tour.stops.size + 1 if tour.length_m > 0.0 else 0
+    path_m, limit_mps = site_map.centres_m[tour.cells], site_map.speed_limit(site_map.centres_m[tour.cells])
     return Plan(
         scenario=scenario,
         site_map=site_map,
@@ -191,8 +192,8 @@ def make_plan(
         tour=tour,
         bound_m=tours.bound_m(tour),
         stops_m=site_map.centres_m[tour.stops],
-        path_m=site_map.centres_m[tour.cells],
-        driving_s=tour.length_m / speed_mps + HALT_S * n_halts,
+        path_m=path_m,
+        driving_s=float((np.linalg.norm(np.diff(path_m, axis=0), axis=1) / limit_mps[1:]).sum()) + HALT_S * n_halts,
     )
 
 

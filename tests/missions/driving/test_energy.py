@@ -39,3 +39,13 @@ def test_needed_charge_grows_along_the_path_around_a_wall() -> None:
             driving_s = path_m / free.robot.max_speed_mps
             assert need - 0.2 >= driving_s * 100.0 / 36_000.0
             assert need - 0.2 < (1.7 * driving_s + 5.0) * 100.0 / 36_000.0
+
+
+def test_drive_home_takes_longer_through_a_slow_zone() -> None:
+    zone = {"name": "gravel", "polygon_m": ((9.0, 0.0), (13.0, 0.0), (13.0, 16.0), (9.0, 16.0)), "limit_mps": 0.2}
+    data = {"name": "yard", "route": {"dock_m": (3.0, 8.0)}, "array": {}, "yard": {"size_m": (20.0, 16.0)}}
+    free, slow = (SiteMap(Scenario.model_validate({**data, "zones": zones})) for zones in ((), (zone,)))
+    assert free.robot.max_speed_mps == pytest.approx(0.8)
+    longer_s = DriveHome(slow).duration_s((17.0, 8.0)) - DriveHome(free).duration_s((17.0, 8.0))
+    assert 4.0 / 0.2 - 4.0 / 0.8 < longer_s < 2.0 * (4.0 / 0.2 - 4.0 / 0.8)
+    assert DriveHome(slow).duration_s((8.0, 8.0)) == DriveHome(free).duration_s((8.0, 8.0))

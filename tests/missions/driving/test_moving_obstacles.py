@@ -13,6 +13,7 @@ from pdpatrol.missions.driving.moving_obstacles import MovingObstacles, Scan
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.collision_guard import SeenObstacles
 from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.policies.recharging import Recharging
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import Mission, run_mission
@@ -104,8 +105,9 @@ def test_contacts_state_who_ran_into_whom(path_m: tuple[tuple[float, float], ...
     scenario = with_moving(kind="person", path_m=path_m, speed_mps=1.0, pause_s=pause_s).model_dump()
     route = {"dock_m": (3.0, 3.0), "dock_yaw_deg": 0.0, "waypoints_m": () if who == "person" else ((20.0, 3.0),)}
     changes = {"route": route, "task": {"time_limit_s": 9.0}}
-    mission = Mission(Scenario.model_validate(scenario | changes), "patrol", 0)
-    mission.policy = Patrol()
+    changed = Scenario.model_validate(scenario | changes)
+    mission = Mission(changed, "patrol", 0)
+    mission.policy = Recharging(Patrol(), changed.battery)
     log = mission.run()
     events = log.table("event")
     assert set(events["subject"][events["kind"] == "contact"].tolist()) == {"moving/body"}
