@@ -33,6 +33,7 @@ KERNEL_PACKAGES = (
     "pdpatrol/sensing",
     "pdpatrol/envs",
     "pdpatrol/robot_models",
+    "pdpatrol/missions/driving",
     "pdpatrol/missions/planning",
 )
 """Packages with compiled functions, relative to the parent folder of this package."""

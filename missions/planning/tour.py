@@ -12,10 +12,10 @@ from scipy.sparse import csr_array
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.compiled import compiled
+from pdpatrol.missions.driving.local_paths import LocalPaths, Reach
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.cover import TINY_RAD, coverage_of, coverage_of_one
 from pdpatrol.missions.planning.detectability import Detectability
-from pdpatrol.missions.planning.paths import LocalPaths, Reach
 from pdpatrol.missions.planning.shortest_order import shortest_order, tour_bound
 
 MIN_GAIN_M = 0.5

@@ -9,6 +9,7 @@ import numpy as np
 
 from dirmusic import Finding
 from pdpatrol.envs.observation import Observation
+from pdpatrol.missions.driving.local_paths import LocalPaths
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, believed_pose, time_of
@@ -67,7 +68,8 @@ class Patrol(ReportingPolicy):
         """
         stops = [*site_map.route.stops_m, site_map.route.dock_m]
         if not self._legs_m:
-            self._legs_m = [site_map.reach(a).length_m[site_map.cell(b)] for a, b in pairwise(stops)]
+            paths_between = LocalPaths(site_map)
+            self._legs_m = [paths_between.cost_m(a, b) for a, b in pairwise(map(site_map.cell, stops))]
         first_m = paths.length_m[site_map.cell(stops[self._next_stop])]
         return float(sum(leg_m for leg_m in [first_m, *self._legs_m[self._next_stop :]] if np.isfinite(leg_m)))
 

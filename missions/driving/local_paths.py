@@ -67,25 +67,30 @@ class LocalPaths:
         return Reach(cells, cost_m, np.searchsorted(cells, before).astype(np.int32))
 
     def path(self, first: int, last: int) -> IntArray:
-        """Return the cells of the shortest path between two cells that are connected, both included, shape (n,)."""
+        """Return the cells of the shortest path between two cells, both included, shape (n,).
+
+        Raises:
+            ValueError: If the cells are not connected.
+        """
         cells, _, _ = self._path(first, last)
+        if cells.size == 0:
+            raise ValueError(f"cells {first} and {last} are not connected")
         return cells if cells[0] == first else cells[::-1]
 
     def length_m(self, first: int, last: int) -> float:
-        """Return the length of the path between two cells, the same in both directions."""
+        """Return the length of the path between two cells, the same in both directions; infinite if there is none."""
         return self._path(first, last)[1]
 
     def cost_m(self, first: int, last: int) -> float:
-        """Return the cost-weighted length of the path between two cells, the same in both directions."""
+        """Return the cost-weighted length of the path between two cells; infinite if there is none."""
         return self._path(first, last)[2]
 
     def _path(self, first: int, last: int) -> tuple[IntArray, float, float]:
         key = (min(first, last), max(first, last))
         if key not in self._paths:
             cells, cost_m = _between(self._moves, self._ties, self._map.centres_m, key, self._length_m, self._before)
-            if cells.size == 0:
-                raise ValueError(f"cells {first} and {last} are not connected")
-            self._paths[key] = cells, float(distances_along(self._map.centres_m[cells])[-1]), cost_m
+            length_m = float(distances_along(self._map.centres_m[cells])[-1]) if cells.size else np.inf
+            self._paths[key] = cells, length_m, cost_m
         return self._paths[key]
 
 
