@@ -97,7 +97,9 @@ def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN4
         yield f"{key}: is required"
     elif item["type"] == "extra_forbidden":
         near = get_close_matches(keys[-1], _all_keys(model), n=1)
-        yield f"{key}: unknown key" + (f"; did you mean `{near[0]}`?" if near else "")
+        is_elsewhere = near == [keys[-1]]
+        hint = "; it is a key of another table" if is_elsewhere else f"; did you mean `{near[0]}`?" if near else ""
+        yield f"{key}: unknown key{hint}"
     elif item["type"] == "union_tag_invalid":
         shapes = str(item["ctx"]["expected_tags"]).replace("[", "").replace("]", "")
         yield f"{key}: must have the shape {shapes}, got {item['ctx']['tag'].strip('[]')!r:.60}"

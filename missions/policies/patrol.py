@@ -15,6 +15,10 @@ from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, believed_pose, time_of
 from pdpatrol.missions.record.events import Phase
 
+MOST_CHARGES = 3
+"""Number of charges after which a stop is given up as out of reach. The first may have been spent elsewhere, and the
+second by detours (assumed)."""
+
 
 class Patrol(ReportingPolicy):
     """Policy that drives the route and returns to the dock, whatever is detected; without a route it stands still."""
@@ -25,6 +29,7 @@ class Patrol(ReportingPolicy):
         self._drive: PathFollower | None = None
         self._leaves_s: float | None = None
         self._legs_m: list[float] = []
+        self._n_charges = 0
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Drive to the next stop; return None once the dock is reached or given up."""
@@ -49,7 +54,7 @@ class Patrol(ReportingPolicy):
                 return self._drive.action(pose)
             if self._leaves_s is None and not self._drive.has_arrived(pose) and not is_dock:
                 self.unreachable = (*self.unreachable, self._next_stop + 1)
-            self._drive = self._leaves_s = None
+            self._drive, self._leaves_s, self._n_charges = None, None, 0
             self._next_stop += 1
         return None
 
@@ -73,6 +78,15 @@ class Patrol(ReportingPolicy):
         first_m = paths.length_m[site_map.cell(stops[self._next_stop])]
         return float(sum(leg_m for leg_m in [first_m, *self._legs_m[self._next_stop :]] if np.isfinite(leg_m)))
 
-    def resume(self) -> None:
+    def plan_anew(self) -> None:
         """Plan the path to the next stop again, after a detour, and dwell there anew."""
         self._drive = self._leaves_s = None
+
+    def resume(self) -> None:
+        """Go on after a charge; give up a stop to which the robot drove for all of `MOST_CHARGES` charges."""
+        self._n_charges += self._leaves_s is None
+        if self._n_charges == MOST_CHARGES:
+            self._n_charges = 0
+            self.unreachable = (*self.unreachable, self._next_stop + 1)
+            self._next_stop += 1
+        self.plan_anew()

@@ -129,9 +129,10 @@ class Seek(ReportingPolicy):
         return best_viewpoint(target.position_m, views_m, paths)
 
     def resume(self) -> None:
-        """Choose a viewpoint of the current candidate anew, or plan the path to the next stop."""
+        """Choose a viewpoint of the current candidate anew, or go on with the route."""
         self._drive = None
-        self._patrol.resume()
+        if self._target is None:
+            self._patrol.resume()
 
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
         """Return the current candidate while its time is not spent, else the nearest such one."""
@@ -162,7 +163,7 @@ class Seek(ReportingPolicy):
     def _drop(self) -> None:
         """Return to the route."""
         self._target, self._drive = None, None
-        self._patrol.resume()
+        self._patrol.plan_anew()
 
     def _pursue(self, target: Finding, pose: FloatArray, time_s: float, site_map: SiteMap) -> Action | None:
         """Drive to the current viewpoint; choose another when it is reached, outdated or too slow to reach."""

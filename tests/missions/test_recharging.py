@@ -190,3 +190,13 @@ def test_mission_ends_when_the_battery_is_empty() -> None:
     report = make_report(run_mission(Scenario.model_validate(empty), "patrol", seed=1), 0.0)
     assert report.ending == "battery empty"
     assert report.battery_left == 0.0
+
+
+def test_stop_out_of_reach_of_a_charge_is_given_up() -> None:
+    route = {"dock_m": (3.0, 3.0), "waypoints_m": ((6.0, 3.0), (37.0, 3.0), (3.0, 6.0))}
+    changes = {"yard": {"size_m": (40.0, 9.0)}, "route": route, "battery": {"capacity_wh": 2.0}}
+    driven = drive(Scenario.model_validate({**OPEN_YARD, **changes}), seed=1)
+    assert driven.unreachable == (2,)
+    assert 2 <= len(driven.arrivals) <= 3
+    assert min(driven.arrivals) >= 0.2
+    assert driven.is_docked
