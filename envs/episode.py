@@ -9,7 +9,7 @@ import numpy as np
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.scenario import Scenario, position_error
 from pdpatrol.envs.scenario.sources import InterfererConfig, SourceConfig
-from pdpatrol.robot_models.moving_bodies import Track, describe_moving
+from pdpatrol.robot_models.moving_bodies import Trajectory, describe_moving
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 from pdpatrol.sensing.nature.sources import SourceChange, Telegraph
 from pdpatrol.sensing.receiver.bank import Listener
@@ -111,7 +111,7 @@ class Episode(NamedTuple):
     listener: Listener
     start_pose: FloatArray
     truth: dict[str, Any]
-    tracks: tuple[Track, ...]
+    tracks: tuple[Trajectory, ...]
 
     @classmethod
     def draw(

@@ -30,7 +30,7 @@ class MovingBody(NamedTuple):
 
     Attributes:
         name: Unique name.
-        kind: What it is.
+        kind: Person or vehicle.
     """
 
     name: str
@@ -55,7 +55,7 @@ class MovingBody(NamedTuple):
         return f"moving/{self.name}"
 
 
-class Track(NamedTuple):
+class Trajectory(NamedTuple):
     """Motion of a body along straight lines between knots. Before the first and after the last knot it stands.
 
     Attributes:
@@ -119,12 +119,12 @@ def add_moving_bodies(spec: mujoco.MjSpec, bodies: Sequence[MovingBody]) -> None
         )
 
 
-def describe_moving(body: MovingBody, track: Track) -> dict[str, Any]:
+def describe_moving(body: MovingBody, track: Trajectory) -> dict[str, Any]:
     """Describe a body and its track as plain data, for logs."""
     return {"name": body.name, "kind": body.kind} | {key: value.tolist() for key, value in track._asdict().items()}
 
 
-def described_moving(description: dict[str, Any]) -> tuple[MovingBody, Track]:
+def described_moving(description: dict[str, Any]) -> tuple[MovingBody, Trajectory]:
     """Rebuild a body and its track from their description."""
-    columns = (np.array(description[key], dtype=np.float64) for key in Track._fields)
-    return MovingBody(description["name"], description["kind"]), Track(*columns)
+    columns = (np.array(description[key], dtype=np.float64) for key in Trajectory._fields)
+    return MovingBody(description["name"], description["kind"]), Trajectory(*columns)

@@ -15,7 +15,7 @@ from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_file import driven_wheels
-from pdpatrol.robot_models.moving_bodies import MovingBody, Track, distance_to_body
+from pdpatrol.robot_models.moving_bodies import MovingBody, Trajectory, distance_to_body
 from pdpatrol.robot_models.readings import Readings, read
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, AntennaElements
 from pdpatrol.robot_models.world import build_spec, physics_only
@@ -91,7 +91,7 @@ class Robots:
         self._found = self._touches[..., 0, 0]  # in each step, the contacts that were found are listed first
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self._met: list[set[str]] = [set() for _ in range(n_robots)]
-        self._tracks: list[Sequence[Track]] = [()] * n_robots
+        self._tracks: list[Sequence[Trajectory]] = [()] * n_robots
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(self._all_rows, np.zeros((n_robots, 3)))
 
@@ -127,7 +127,7 @@ class Robots:
         ]
 
     def reset(
-        self, rows: Sequence[int] | IntArray, poses: ArrayLike, tracks: Sequence[Sequence[Track]] | None = None
+        self, rows: Sequence[int] | IntArray, poses: ArrayLike, tracks: Sequence[Sequence[Trajectory]] | None = None
     ) -> None:
         """Put some robots at rest on their wheels, with time and state reset.
 

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from pdpatrol.robot_models.moving_bodies import MOVING_SOLIDS, MovingBody, MovingKind, Track, distance_to_body
+from pdpatrol.robot_models.moving_bodies import MOVING_SOLIDS, MovingBody, MovingKind, Trajectory, distance_to_body
 from pdpatrol.robot_models.yard.quantities import Coordinate, Name
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.quantities import Config
@@ -83,7 +83,7 @@ class MovingConfig(Config):
         if away_m < room_m:
             yield f"path_m: must start {room_m:.3g} m or more from the robot at its dock, starts {away_m:.2f} m from it"
 
-    def draw(self, duration_s: float, rng: np.random.Generator) -> Track:
+    def draw(self, duration_s: float, rng: np.random.Generator) -> Trajectory:
         """Draw the track of one episode, of at least a given duration."""
         knots, time_s, points_m, is_way_back = list[tuple[float, float, float, float]](), 0.0, self.points_m, False
         while time_s <= duration_s:
@@ -95,7 +95,7 @@ class MovingConfig(Config):
             if not self.loop:
                 points_m, is_way_back = points_m[::-1], not is_way_back
         time, x, y, yaw = np.array([*knots, (time_s, *points_m[0], knots[-1][3])]).T
-        return Track(time, np.column_stack([x, y]), yaw)
+        return Trajectory(time, np.column_stack([x, y]), yaw)
 
 
 def _yaw(start_m: tuple[float, float], end_m: tuple[float, float], *, is_reverse: bool = False) -> float:

@@ -78,11 +78,11 @@ class LocalPaths:
         return cells if cells[0] == first else cells[::-1]
 
     def length_m(self, first: int, last: int) -> float:
-        """Return the length of the path between two cells, the same in both directions; infinite if there is none."""
+        """Return the length of the path between two cells, the same in both directions; infinite if not connected."""
         return self._path(first, last)[1]
 
     def cost_m(self, first: int, last: int) -> float:
-        """Return the cost-weighted length of the path between two cells; infinite if there is none."""
+        """Return the cost-weighted length of the path between two cells; infinite if not connected."""
         return self._path(first, last)[2]
 
     def _path(self, first: int, last: int) -> tuple[IntArray, float, float]:

@@ -169,7 +169,7 @@ def test_seek_confirms_a_candidate_over_several_charges() -> None:
 
 
 def test_policy_is_called_at_the_dock_after_resume() -> None:
-    """A policy that knows nothing of batteries is taken to the dock, charged, and told before it is called again."""
+    """The robot is charged at the dock, and `resume` is called before the policy goes on."""
     scenario = Scenario.model_validate({**OPEN_YARD, "battery": {"capacity_wh": 1.0}})
     env, site_map, policy = PatrolEnv(scenario), SiteMap(scenario), Ahead()
     recharging = Recharging(OwnPolicy(lambda _: policy, np.random.default_rng(0)), scenario.battery)
