@@ -210,11 +210,17 @@ class UprightSolid(NamedTuple):
 
 
 @compiled_inner
+def meets_circle(path: Segment, x: float, y: float, radius_m: float) -> bool:
+    """Return whether a segment, in plan view, meets the square around a circle that has a side along the segment."""
+    x, y = x - path.start.x, y - path.start.y
+    ahead_m = x * path.ahead_x + y * path.ahead_y
+    return abs(y * path.ahead_x - x * path.ahead_y) <= radius_m and -radius_m < ahead_m < path.horizontal_m + radius_m
+
+
+@compiled_inner
 def is_near(path: Segment, solid: UprightSolid, margin_m: float) -> bool:
     """Return whether, in plan view, the circle around a solid's footprint comes within a margin of a segment."""
-    x, y, reach_m = solid.x - path.start.x, solid.y - path.start.y, solid.reach_m + margin_m
-    ahead_m = x * path.ahead_x + y * path.ahead_y
-    return abs(y * path.ahead_x - x * path.ahead_y) <= reach_m and -reach_m < ahead_m < path.horizontal_m + reach_m
+    return meets_circle(path, solid.x, solid.y, solid.reach_m + margin_m)
 
 
 @compiled_inner

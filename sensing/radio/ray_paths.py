@@ -44,7 +44,7 @@ from pdpatrol.sensing.radio.reflection import (
     reflect_with_ground,
     two_face_points,
 )
-from pdpatrol.sensing.radio.surroundings import GROUND, Row, Rows, Surroundings, material_of, solid_of
+from pdpatrol.sensing.radio.surroundings import GROUND, Row, Rows, Surroundings, material_of, pieces_of, solid_of
 from pdpatrol.sensing.radio.transmission import (
     RIM_M,
     SHADOW,
@@ -228,7 +228,9 @@ def trace(link: RadioLink, faces: Rows, second_order: bool, least: float) -> int
     source, target, paths = link.source, link.target, link.paths
     cast_shadows(link)
     ray = towards(source, target)
-    direct = direct_transmission(source, target, 0.0, link.obstacles) * received(radiated(link.axis, ray), ray)
+    direct = direct_transmission(source, target, 0.0, link.obstacles, link.pieces) * received(
+        radiated(link.axis, ray), ray
+    )
     n = add_path(link, 0, source, 0.0, direct)
     image, at, rim_m = plane_point(Vector(0.0, 0.0, 0.0), UP, source, target)
     if rim_m > 0.0:
@@ -283,11 +285,11 @@ def find_ray_paths(
     n_most = 2 + 2 * faces.size + second_order * faces.size**2 + obstacles.size
     n_most += 48 * obstacles["diffracts"].sum()  # 12 upright and 8 horizontal; 12 and 16 with ground reflection
     paths, shadows = np.empty(n_most * (least < np.inf).sum(), PATH), np.empty(obstacles.size, SHADOW)
-    first, n = np.zeros(least.size + 1, np.intp), 0
+    pieces, first, n = pieces_of(obstacles), np.zeros(least.size + 1, np.intp), 0
     for s in range(least.size):
         if least[s] < np.inf:
             source, axis = vector_of(sources_m[s]), vector_of(axes[s])
-            link = RadioLink(source, axis, target, ground, obstacles, shadows, paths[n:])
+            link = RadioLink(source, axis, target, ground, obstacles, pieces, shadows, paths[n:])
             n += trace(link, faces, second_order, least[s])
         first[s + 1] = n
     return RayPaths(paths[:n], first)

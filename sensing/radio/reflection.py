@@ -118,7 +118,7 @@ def reflect_once(link: RadioLink, mirror: Mirror, own: int, least: float) -> com
     if least > 1.0:
         return 0j
     if own == GROUND:  # edges that block this path add their own ground-reflected rays
-        return coefficient * ground_transmission(first, last, link.obstacles)
+        return coefficient * ground_transmission(first, last, link.obstacles, link.pieces)
     return coefficient * bent_transmission(first, last, link, own, least)
 
 
@@ -155,7 +155,7 @@ def reflect_with_ground(link: RadioLink, at: Vector, face: Row, least: float) ->
     least *= (first.length_m + second.length_m + last.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
         return 0j
-    total = segment_transmission(second, link.obstacles, face.solid, least)
+    total = segment_transmission(second, link, face.solid, least)
     if total > 0.0:
         total *= bent_transmission(first, last, link, face.solid, least / total)
     return coefficient * total
@@ -185,9 +185,9 @@ def reflect_by_two_faces(
     least *= (before.length_m + between.length_m + behind.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
         return 0j
-    coefficient *= segment_transmission(before, link.obstacles, first.solid, least)
-    coefficient *= segment_transmission(between, link.obstacles, first.solid, least)
-    return coefficient * segment_transmission(behind, link.obstacles, second.solid, least)
+    coefficient *= segment_transmission(before, link, first.solid, least)
+    coefficient *= segment_transmission(between, link, first.solid, least)
+    return coefficient * segment_transmission(behind, link, second.solid, least)
 
 
 @compiled_inner

@@ -1,5 +1,6 @@
 """Surroundings of sources and robots: reflecting faces, obstacles, and their materials."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
@@ -42,6 +43,20 @@ OBSTACLE = np.dtype(
 )
 """Row of an `UprightSolid` with the properties of its `Material`, and the index of the piece of equipment to which it
 belongs. A single array of rows is faster for compiled functions than many arrays."""
+
+PIECE = np.dtype(
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in ("x", "y", "reach_m", "parameter")),
+            ("first", np.intp),
+            ("end", np.intp),
+        ],
+    )
+)
+"""Row of a piece of equipment: circle around its solids in plan view, its first solid and that after its last one, and
+room for the largest `shadow_parameter` of its solids. Most pieces are far from a ray, and then none of their solids
+needs to be examined."""
 
 Rows = NDArray[Any]
 Row = Any
@@ -147,6 +162,31 @@ class Surroundings(NamedTuple):
         ]
         obstacles = made_of(solids, materials)
         return cls(faces_of(obstacles), ground, obstacles, second_order)
+
+
+@compiled
+def pieces_of(obstacles: Rows) -> Rows:
+    """Return the pieces of equipment to which obstacles belong, rows of `PIECE`."""
+    pieces, n, first = np.empty(obstacles.size, PIECE), 0, 0
+    while first < obstacles.size:
+        end, low_x, low_y, high_x, high_y = first, np.inf, np.inf, -np.inf, -np.inf
+        while end < obstacles.size and obstacles[end].owner == obstacles[first].owner:
+            low_x, high_x = min(low_x, obstacles[end].x), max(high_x, obstacles[end].x)
+            low_y, high_y = min(low_y, obstacles[end].y), max(high_y, obstacles[end].y)
+            end += 1
+        piece = pieces[n]
+        piece.x, piece.y, piece.reach_m, piece.first, piece.end = (
+            0.5 * (low_x + high_x),
+            0.5 * (low_y + high_y),
+            0.0,
+            first,
+            end,
+        )
+        for k in range(first, end):
+            off_m = math.sqrt((obstacles[k].x - piece.x) ** 2 + (obstacles[k].y - piece.y) ** 2)
+            piece.reach_m = max(piece.reach_m, off_m + obstacles[k].reach_m + 1e-9)
+        first, n = end, n + 1
+    return pieces[:n]
 
 
 @compiled

@@ -14,7 +14,6 @@ import numpy as np
 from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
-    CLEARANCE,
     Segment,
     UprightSolid,
     Vector,
@@ -24,12 +23,13 @@ from pdpatrol.sensing.radio.geometry import (
     footprint_interval,
     is_near,
     length_inside,
+    meets_circle,
     point_between,
     segment,
     vector_of,
 )
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M, Material
-from pdpatrol.sensing.radio.surroundings import Row, Rows, Surroundings, solid_of
+from pdpatrol.sensing.radio.surroundings import Row, Rows, Surroundings, pieces_of, solid_of
 
 CLEAR = -0.78
 """Diffraction parameter below which an edge does not attenuate (ITU-R P.526)."""
@@ -56,6 +56,7 @@ class RadioLink(NamedTuple):
         target: Middle of the array.
         ground: Material of the ground.
         obstacles: All obstacles.
+        pieces: Circles around the pieces of equipment to which they belong, rows of `PIECE`.
         shadows: Effects of the obstacles on the direct path, rows of `SHADOW`.
         paths: Paths found so far, and room for more; rows of `ray_paths.PATH`.
     """
@@ -65,6 +66,7 @@ class RadioLink(NamedTuple):
     target: Vector
     ground: Material
     obstacles: Rows
+    pieces: Rows
     shadows: Rows
     paths: Rows
 
@@ -170,75 +172,88 @@ def transmission_through(path: Segment, obstacle: Row) -> float:
 
 
 @compiled_inner
-def begins_piece(obstacles: Rows, k: int) -> bool:
-    """Return whether obstacle k belongs to a different piece of equipment than obstacle k - 1; -1 is the last one."""
-    return obstacles[k].owner != obstacles[k - 1].owner
+def is_near_piece(path: Segment, piece: Row) -> bool:
+    """Return whether a segment comes so near to a piece of equipment that one of its solids may attenuate the wave."""
+    return meets_circle(path, piece.x, piece.y, piece.reach_m + path.clearance_m)
 
 
 @compiled_inner
-def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: Rows) -> float:
+def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: Rows, pieces: Rows) -> float:
     """Return the transmission of the direct path; see `Sight` for `within_m`."""
-    total, of_piece, whole = 1.0, 1.0, segment(start, end)
-    for k in range(obstacles.size):
-        if begins_piece(obstacles, k):
-            total, of_piece = total * of_piece, 1.0
-        path, obstacle = whole, obstacles[k]
-        if within_m > 0.0 and whole.length_m > 0.0:
-            depth_m = obstacle.radius_m if obstacle.radius_m > 0.0 else min(obstacle.half_x, obstacle.half_y)
-            skipped = min(min(within_m, depth_m) / whole.length_m, 1.0)
-            path = segment(start, point_between(start, end, 1.0 - skipped))
-        of_piece = min(of_piece, transmission_through(path, obstacle))
-        if of_piece == 0.0:
+    total, whole = 1.0, segment(start, end)
+    for p in range(pieces.size):
+        piece, of_piece = pieces[p], 1.0
+        if not is_near_piece(whole, piece):
+            continue
+        for k in range(piece.first, piece.end):
+            path, obstacle = whole, obstacles[k]
+            if within_m > 0.0 and whole.length_m > 0.0:
+                depth_m = obstacle.radius_m if obstacle.radius_m > 0.0 else min(obstacle.half_x, obstacle.half_y)
+                skipped = min(min(within_m, depth_m) / whole.length_m, 1.0)
+                path = segment(start, point_between(start, end, 1.0 - skipped))
+            of_piece = min(of_piece, transmission_through(path, obstacle))
+        total *= of_piece
+        if total == 0.0:
             return 0.0
-    return total * of_piece
+    return total
 
 
 @compiled_inner
-def ground_transmission(down: Segment, up: Segment, obstacles: Rows) -> float:
+def ground_transmission(down: Segment, up: Segment, obstacles: Rows, pieces: Rows) -> float:
     """Return the transmission of a ground-reflected path, in which solids that stand on the ground count only once."""
-    total, of_piece = 1.0, 1.0
-    for k in range(obstacles.size):
-        if begins_piece(obstacles, k):
-            total, of_piece = total * of_piece, 1.0
-        before, behind = transmission_through(down, obstacles[k]), transmission_through(up, obstacles[k])
-        of_piece = min(of_piece, before * behind if obstacles[k].bottom_m > 0.0 else min(before, behind))
-        if of_piece == 0.0:
+    total = 1.0
+    for p in range(pieces.size):
+        piece, of_piece = pieces[p], 1.0
+        if not (is_near_piece(down, piece) or is_near_piece(up, piece)):
+            continue
+        for k in range(piece.first, piece.end):
+            before, behind = transmission_through(down, obstacles[k]), transmission_through(up, obstacles[k])
+            of_piece = min(of_piece, before * behind if obstacles[k].bottom_m > 0.0 else min(before, behind))
+        total *= of_piece
+        if total == 0.0:
             return 0.0
-    return total * of_piece
+    return total
 
 
 @compiled_inner
-def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: float) -> float:
+def segment_transmission(path: Segment, link: RadioLink, skipped: int, least: float) -> float:
     """Return the transmission of one segment between two reflections.
 
     Args:
         path: The segment.
-        obstacles: All obstacles.
+        link: Obstacles.
         skipped: Index of the obstacle to ignore, the one that the reflecting face bounds.
         least: Results below are returned as 0.
     """
-    total, of_piece = 1.0, 1.0
-    for k in range(obstacles.size):
-        if begins_piece(obstacles, k):
-            total, of_piece = total * of_piece, 1.0
-        if k != skipped:
-            of_piece = min(of_piece, transmission_past(path, obstacles[k]))
-            if total * of_piece < least:
-                return 0.0
-    return total * of_piece
+    obstacles, pieces, total = link.obstacles, link.pieces, 1.0
+    for p in range(pieces.size):
+        piece, of_piece = pieces[p], 1.0
+        if not is_near_piece(path, piece):
+            continue
+        for k in range(piece.first, piece.end):
+            if k != skipped:
+                of_piece = min(of_piece, transmission_past(path, obstacles[k]))
+        total *= of_piece
+        if total < least:
+            return 0.0
+    return total
 
 
 @compiled_inner
 def cast_shadows(link: RadioLink) -> None:
-    """Compute the effect of every obstacle on the direct path, and store it in `link.shadows`."""
-    direct = segment(link.source, link.target)
+    """Compute the effect of every obstacle on the direct path, and store it in `link.shadows` and `link.pieces`."""
+    direct, pieces = segment(link.source, link.target), link.pieces
     near_m = 2.4 * direct.clearance_m  # beyond, the parameter is below CLEAR - 1
-    for k in range(link.obstacles.size):
-        obstacle, shadow = link.obstacles[k], link.shadows[k]
-        shadow.parameter, shadow.transmission = -np.inf, 1.0
-        if obstacle.diffracts:
-            shadow.parameter = shadow_parameter(direct, facing_box(direct, solid_of(obstacle)), near_m)
-            shadow.transmission = transmission_through(direct, obstacle)
+    for p in range(pieces.size):
+        piece = pieces[p]
+        is_near, piece.parameter = meets_circle(direct, piece.x, piece.y, piece.reach_m + near_m), -np.inf
+        for k in range(piece.first, piece.end):
+            obstacle, shadow = link.obstacles[k], link.shadows[k]
+            shadow.parameter, shadow.transmission = -np.inf, 1.0
+            if is_near and obstacle.diffracts:
+                shadow.parameter = shadow_parameter(direct, facing_box(direct, solid_of(obstacle)), near_m)
+                shadow.transmission = transmission_through(direct, obstacle)
+                piece.parameter = max(piece.parameter, shadow.parameter)
 
 
 @compiled_inner
@@ -272,20 +287,25 @@ def bent_transmission(first: Segment, last: Segment, link: RadioLink, own: int, 
         own: Index of the obstacle that diffracts or reflects; negative for a face without a solid behind it.
         least: Results below are returned as 0.
     """
-    obstacles, shadows, total, of_piece = link.obstacles, link.shadows, 1.0, 1.0
-    for k in range(obstacles.size):
-        if begins_piece(obstacles, k):
-            total, of_piece = total * of_piece, 1.0
-        if k == own:
+    obstacles, pieces, shadows, total = link.obstacles, link.pieces, link.shadows, 1.0
+    of_own = shadows[own].parameter if own >= 0 else -np.inf
+    for p in range(pieces.size):
+        piece, of_piece = pieces[p], 1.0
+        is_blocked = blocking_weight(of_own, piece.parameter) > 0.0
+        if not (is_blocked or is_near_piece(first, piece) or is_near_piece(last, piece)):
             continue
-        past = transmission_past(first, obstacles[k]) * transmission_past(last, obstacles[k])
-        blocked = blocking_weight(shadows[own].parameter, shadows[k].parameter) if own >= 0 else 0.0
-        if blocked > 0.0:
-            past += blocked * (shadows[k].transmission - past)
-        of_piece = min(of_piece, past)
-        if total * of_piece < least:
+        for k in range(piece.first, piece.end):
+            if k == own:
+                continue
+            past = transmission_past(first, obstacles[k]) * transmission_past(last, obstacles[k])
+            blocked = blocking_weight(of_own, shadows[k].parameter)
+            if blocked > 0.0:
+                past += blocked * (shadows[k].transmission - past)
+            of_piece = min(of_piece, past)
+        total *= of_piece
+        if total < least:
             return 0.0
-    return total * of_piece
+    return total
 
 
 class Sight(NamedTuple):
@@ -312,21 +332,13 @@ class Sight(NamedTuple):
         Returns:
             Relative amplitudes, shape (n,).
         """
-        ends_m = np.vstack([places_m, target_m])
-        low_m, high_m = ends_m.min(axis=0), ends_m.max(axis=0)
-        longest_m = float(np.linalg.norm(high_m - low_m))
-        obstacles = self.surroundings.obstacles
-        margin_m = obstacles["reach_m"] + CLEARANCE * math.sqrt(WAVELENGTH_M * longest_m)
-        near = np.ones(obstacles.size, dtype=np.bool_)  # no other obstacle comes near any of the paths
-        for axis, centre_m in enumerate((obstacles["x"], obstacles["y"])):
-            near &= (centre_m >= low_m[axis] - margin_m) & (centre_m <= high_m[axis] + margin_m)
-        return direct_transmissions(places_m, target_m, within_m, obstacles[near])
+        return direct_transmissions(places_m, target_m, within_m, self.surroundings.obstacles)
 
 
 @compiled
 def direct_transmissions(places_m: FloatArray, target_m: FloatArray, within_m: float, obstacles: Rows) -> FloatArray:
     """Return the `direct_transmission` from each position."""
-    result = np.empty(len(places_m))
+    result, pieces = np.empty(len(places_m)), pieces_of(obstacles)
     for i in range(len(places_m)):
-        result[i] = direct_transmission(vector_of(places_m[i]), vector_of(target_m), within_m, obstacles)
+        result[i] = direct_transmission(vector_of(places_m[i]), vector_of(target_m), within_m, obstacles, pieces)
     return result
