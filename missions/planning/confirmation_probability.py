@@ -65,7 +65,7 @@ class Passes(NamedTuple):
     """Poses from which a receiver listens, in order of time.
 
     Attributes:
-        time_s: Time of each pose, shape (n,).
+        time_s: Time of each pose, ascending, shape (n,).
         duration_s: Time spent at each pose, at most `WINDOW_S`, shape (n,).
         pose: x m, y m, yaw rad, world frame, shape (n, 3).
     """
@@ -175,7 +175,8 @@ class ConfirmationModel:
         towards_rad = (aspect_rad + np.pi - passes.pose[row, 2])[:, np.newaxis]
         gain = self._array.gain(towards_rad, np.arctan2(rise_m, range_m)[:, np.newaxis])[:, self.is_sound]
         peak = transmission * gain.max(axis=1, initial=1e-9) / np.hypot(range_m, rise_m)
-        window = np.unique(passes.time_s[row] // WINDOW_S, return_inverse=True)[1]
+        of_pose = passes.time_s[row] // WINDOW_S
+        window = np.cumsum(np.diff(of_pose, prepend=of_pose[:1]) > 0.0)
         return Views(row, passes.duration_s[row], 20 * np.log10(peak), range_m, aspect_rad, window)
 
     def chances(self, views: Views, level_dbv: float, rate_hz: float, traces: Traces | None = None) -> Chances:

@@ -177,8 +177,11 @@ def _is_robust(column: IntArray, ground: IntArray, places_m: FloatArray) -> Bool
     if column.size == 0:
         return np.empty(0, dtype=np.bool_)
     block = _block(ground, places_m[column].min(axis=0), places_m[column].max(axis=0), 2 * CELL_M)
-    around = minimum_filter(np.isin(block, column) | (block < 0), size=5, mode="constant", cval=True)
-    return np.isin(column, block[around])
+    detects, is_robust = np.zeros((2, len(places_m)), dtype=np.bool_)
+    detects[column] = True
+    around = minimum_filter(detects[block] | (block < 0), size=5, mode="constant", cval=True)
+    is_robust[block[around & (block >= 0)]] = True
+    return is_robust[column]
 
 
 class DirectPaths:
@@ -211,14 +214,18 @@ class DirectPaths:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the transmission of equipment and the level over the trigger in decibels, each of shape (n,).
 
+        Where the level would be less than `MARGIN_DB` even in free space, the transmission is stated as 0.
+
         Args:
             places_m: Places on the ground below the array, shape (n, 2), world frame.
             target_m: The discharge, shape (3,), world frame.
             amplitude_v: Its peak in a unit-gain channel 1 m away, > 0.
         """
-        transmission = self._sight(np.column_stack([places_m, np.full(len(places_m), self._height_m)]), target_m)
         range_m, rise_m = np.linalg.norm(places_m - target_m[:2], axis=-1), target_m[2] - self._height_m
         gain = np.interp(np.arctan2(rise_m, range_m), self._elevations_rad, self._worst_gain)
-        peak_v = amplitude_v * transmission * gain
+        over_trigger = amplitude_v * gain / (np.hypot(range_m, rise_m) * self._trigger_v)
+        is_strong, transmission = over_trigger >= 10 ** (MARGIN_DB / 20), np.zeros(len(places_m))
+        antennas_m = np.column_stack([places_m, np.full(len(places_m), self._height_m)])[is_strong]
+        transmission[is_strong] = self._sight(antennas_m, target_m)
         with np.errstate(divide="ignore"):
-            return transmission, 20 * np.log10(peak_v / (np.hypot(range_m, rise_m) * self._trigger_v))
+            return transmission, 20 * np.log10(transmission * over_trigger)

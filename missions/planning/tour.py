@@ -185,7 +185,9 @@ class TourShortener:
 
     def _seen_from(self, legs: Sequence[Leg]) -> IntArray:
         """Return the indices of the targets that are detectable from legs."""
-        return np.unique(self._targets_of[:, np.unique(self._columns(legs))].indices)
+        is_seen = np.zeros(self._targets_of.shape[0], dtype=np.bool_)
+        is_seen[self._targets_of[:, np.unique(self._columns(legs))].indices] = True
+        return np.flatnonzero(is_seen)
 
     def _covers(self, old: Sequence[Leg], new: Sequence[Leg], targets: IntArray) -> bool:
         """Return whether the present tour would cover some targets with other legs."""

@@ -14,6 +14,7 @@ import numpy as np
 from dirmusic.arrays import FloatArray
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
+    CLEARANCE,
     Segment,
     UprightSolid,
     Vector,
@@ -21,6 +22,7 @@ from pdpatrol.sensing.radio.geometry import (
     distance,
     facing_box,
     footprint_interval,
+    hypot,
     is_near,
     length_inside,
     meets_circle,
@@ -338,7 +340,14 @@ class Sight(NamedTuple):
 @compiled
 def direct_transmissions(places_m: FloatArray, target_m: FloatArray, within_m: float, obstacles: Rows) -> FloatArray:
     """Return the `direct_transmission` from each position."""
-    result, pieces = np.empty(len(places_m)), pieces_of(obstacles)
+    result, pieces, target, longest_m = np.empty(len(places_m)), pieces_of(obstacles), vector_of(target_m), 0.0
     for i in range(len(places_m)):
-        result[i] = direct_transmission(vector_of(places_m[i]), vector_of(target_m), within_m, obstacles, pieces)
+        longest_m = max(longest_m, distance(vector_of(places_m[i]), target))
+    n_near, margin_m = 0, longest_m + CLEARANCE * math.sqrt(WAVELENGTH_M * longest_m)
+    for p in range(pieces.size):
+        if hypot(pieces[p].x - target.x, pieces[p].y - target.y) <= pieces[p].reach_m + margin_m:
+            pieces[n_near] = pieces[p]
+            n_near += 1
+    for i in range(len(places_m)):
+        result[i] = direct_transmission(vector_of(places_m[i]), target, within_m, obstacles, pieces[:n_near])
     return result
