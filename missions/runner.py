@@ -234,7 +234,7 @@ class Mission:
         """End the mission and log association, likelihood, calibration and the reason."""
         self.is_over = True
         scenario, meta = self.env.scenario, self.log.meta
-        name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
+        name = f"{meta['name']}, {meta['date']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
         try:
             self._tracker.finish(name, scenario.array.serial_number, scenario.locating.calibration)
         except UserCodeError as error:  # from a user's Locator

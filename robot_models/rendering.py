@@ -5,9 +5,9 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -125,4 +125,41 @@ def pictures_from_behind(model: mujoco.MjModel, poses: FloatArray, view_rad: Flo
             mujoco.mj_forward(model, data)
             camera.lookat = x + 0.7 * np.cos(direction_rad), y + 0.7 * np.sin(direction_rad), 0.8
             camera.azimuth, camera.elevation, camera.distance = np.degrees(direction_rad), -20.0, 3.3
+            yield take_picture(renderer, data, camera)
+
+
+class View(NamedTuple):
+    """Place that a camera looks at, in the middle of its picture.
+
+    Attributes:
+        target_m: The place, world frame.
+        azimuth_rad: Direction from the place to the camera, world frame.
+        elevation_rad: Elevation of the camera, seen from the place.
+        distance_m: Distance of the camera from the place.
+    """
+
+    target_m: tuple[float, float, float]
+    azimuth_rad: float
+    elevation_rad: float
+    distance_m: float
+
+
+def pixels_per_metre(view: View, model: mujoco.MjModel) -> float:
+    """Return the scale of a picture of `pictures_of` at the distance of the place."""
+    return 0.5 * HEIGHT / np.tan(0.5 * np.radians(model.vis.global_.fovy)) / view.distance_m
+
+
+def pictures_of(model: mujoco.MjModel, views: Sequence[View]) -> Iterator[NDArray[np.uint8]]:
+    """Yield a picture of each of several places in a world at rest, shape (HEIGHT, WIDTH, 3).
+
+    Raises:
+        RuntimeError: If MuJoCo cannot use OpenGL.
+    """
+    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+    mujoco.mj_forward(model, data)
+    with closing(make_renderer(model)) as renderer:
+        for view in views:
+            camera.lookat, camera.distance = view.target_m, view.distance_m
+            camera.azimuth = np.degrees(view.azimuth_rad) + 180.0
+            camera.elevation = -np.degrees(view.elevation_rad)
             yield take_picture(renderer, data, camera)

@@ -74,6 +74,13 @@ def build_spec(
     return spec
 
 
+def build_yard(yard: Yard) -> mujoco.MjSpec:
+    """Build a spec of floor, fence and equipment without a robot, named as in `build_spec`."""
+    spec = mujoco.MjSpec()
+    _add_yard(spec, yard)
+    return spec
+
+
 def physics_only(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Copy a spec without cameras, lights, sensors that are not read, and geoms that cannot collide.
 

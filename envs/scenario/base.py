@@ -31,13 +31,16 @@ MAX_FILE_BYTES = 4_000_000
 
 MAX_ERRORS_SHOWN = 50
 
+DayAsText = BeforeValidator(lambda value: value.isoformat()[:10] if isinstance(value, date) else value)
+"""Conversion of TOML dates to text, as in logs and reports."""
+
 Day = Annotated[
     str,
     Field(pattern=r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$", max_length=10),
-    BeforeValidator(lambda value: value.isoformat()[:10] if isinstance(value, date) else value),
+    DayAsText,
     AfterValidator(lambda text: str(date.fromisoformat(text))),
 ]
-"""Date such as 2026-03-02. TOML dates are accepted and stored as text, as in logs and reports."""
+"""Date such as 2026-03-02, as text or as a date of TOML."""
 
 
 def weeks_between(first: str, last: str) -> float:

@@ -22,10 +22,11 @@ FILE_KEYS = {
     "estimator": ("method",),
     "locating": ("locator", "calibration"),
     "robot": ("model",),
+    "survey": ("previous_survey", "trend", "severity"),
 }
 """Keys that can name a file of the user, by table."""
 
-IS_FILE = re.compile(r"/|\.py:|\.(csv|msi|pln|toml|xml)$", re.IGNORECASE)
+IS_FILE = re.compile(r"/|\.py:|\.(csv|html|msi|pln|toml|xml)$", re.IGNORECASE)
 """Pattern found in paths of files, and not in the names of shipped or installed objects."""
 
 

@@ -19,6 +19,7 @@ from pdpatrol.envs.scenario.nature import NatureConfig
 from pdpatrol.envs.scenario.radio import RadioConfig
 from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig, RobotConfig
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
+from pdpatrol.envs.scenario.survey import SurveyConfig
 from pdpatrol.envs.scenario.zone import ZoneConfig
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
@@ -137,6 +138,7 @@ class Scenario(Config):
     inspection: InspectionConfig = InspectionConfig()
     campaign: CampaignConfig = CampaignConfig()
     georeference: GeoreferenceConfig | None = None
+    survey: SurveyConfig = SurveyConfig()
     nature: NatureConfig = NatureConfig()
     locating: LocatingConfig = LocatingConfig()
 

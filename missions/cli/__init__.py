@@ -2,6 +2,7 @@
 
 import os
 import sys
+from ctypes.util import find_library
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import version
@@ -44,7 +45,8 @@ def main() -> None:
             sys.stderr.write(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}\n")
             sys.exit(USAGE_ERROR)
         else:
-            if verb == "replay" and sys.platform == "linux" and any(word.startswith("--video") for word in arguments):
+            draws = verb in ("run", "locate", "report") or any(word.startswith("--video") for word in arguments)
+            if draws and sys.platform == "linux" and find_library("EGL"):
                 os.environ.setdefault("MUJOCO_GL", "egl")  # to render without a screen; MuJoCo reads it when imported
             # Imported here because it takes a second and `pdpatrol --help` does not need it.
             from pdpatrol.missions.cli.arguments import call_verb

@@ -16,7 +16,7 @@ from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.log_contents import georeference_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import FindingRecord, Scores, SourceMatch
+from pdpatrol.missions.report.records import FindingRecord, Report, SourceMatch, Survey
 from pdpatrol.missions.site_map_files.geodesy import longitude_latitude
 
 
@@ -31,7 +31,7 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     """
     report = make_report(log, 0.0)
     located = (*report.findings, *report.candidates)
-    facts = [_facts(finding, report.evaluation) for finding in located]
+    facts = [_facts(finding, report) for finding in located]
     table = pd.DataFrame(facts, columns=list(FINDING_COLUMNS))
     writers: dict[str, Callable[[Path], object]] = {
         "findings.csv": partial(table.to_csv, index=False),
@@ -71,6 +71,13 @@ FINDING_COLUMNS = {
     "state": "state",
     "existence": "existence",
     "possibly_two": "possibly_two",
+    "asset": "asset.name",
+    "asset_id": "asset.asset_id",
+    "kv": "asset.kv",
+    "phase": "asset.phase",
+    "severity": "assessment.severity",
+    "action": "assessment.action",
+    "due": "assessment.due",
     "site": "sites.0.name",
     "site_probability": "sites.0.probability",
     "kind": "discharge.kind",
@@ -88,20 +95,27 @@ FINDING_COLUMNS = {
     "n_bearings": "n_bearings",
     "first_detected_s": "first_detected_s",
     "confirmed_s": "confirmed_s",
+    "survey_date": "date",
+    **{f"survey_{name}": f"survey.{name}" for name in Survey.model_fields},
     "true_source": "source.name",
     "true_site": "source.true_site",
     "true_x_m": "source.true_position_m.0",
     "true_y_m": "source.true_position_m.1",
     "true_z_m": "source.true_position_m.2",
 } | {f"true_{name}": f"source.match.{name}" for name in SourceMatch.model_fields if name != "finding_id"}
-"""Columns of findings.csv, and the place of each value in a finding of report.json, or in its `source` of `evaluation`.
-"""
+"""Columns of findings.csv, and the place of each value in a finding of report.json, its `source` of `evaluation`, or
+`date` and `survey` of the report."""
 
 
-def _facts(finding: FindingRecord, scores: Scores | None) -> dict[str, Any]:
+def _facts(finding: FindingRecord, report: Report) -> dict[str, Any]:
     """Return the values of `FINDING_COLUMNS`, rounded as in report.json; None for unknown ones."""
-    own = [each for each in scores.sources if each.match and each.match.finding_id == finding.id] if scores else []
-    record = finding.model_dump(mode="json") | {"source": own[0].model_dump(mode="json") if own else None}
+    sources = report.evaluation.sources if report.evaluation else ()
+    own = [each for each in sources if each.match and each.match.finding_id == finding.id]
+    record = {
+        **finding.model_dump(mode="json"),
+        **report.model_dump(mode="json", include={"date", "survey"}),
+        "source": own[0].model_dump(mode="json") if own else None,
+    }
     return {name: _value(record, place.split(".")) for name, place in FINDING_COLUMNS.items()}
 
 

@@ -128,7 +128,7 @@ class FieldLocator:
         self.log = MissionLog(_meta(data, array, survey, scenario, bounds_m))
         if survey.pattern is not None:
             self.log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
-        self._name, self._channels = data.path.name, data.channels
+        self._name, self._channels = ", ".join(filter(None, (data.path.name, survey.date))), data.channels
         self._monitor = ChannelMonitor(array, maximum_likelihood)
         self._locator = Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
         self._tracker = Tracker(self.log, self._locator, array, pose_error, rules.max_std_rad)
@@ -260,6 +260,7 @@ def _scenario_of(array: ArrayModel, survey: SurveyOptions) -> Scenario | None:
             receiver=file.receiver,
             inspection=file.inspection,
             georeference=file.georeference,
+            survey=file.survey,
             array=ArrayConfig(
                 elements=tuple(ElementConfig(azimuth_deg=float(a)) for a in np.degrees(array.manifold.boresights_rad)),
                 ring_radius_m=survey.ring_radius_m,
@@ -268,6 +269,7 @@ def _scenario_of(array: ArrayModel, survey: SurveyOptions) -> Scenario | None:
                 gain_error=survey.gain_error,
                 pointing_error_deg=survey.pointing_error_deg,
                 gain_offset=survey.gain_offset,
+                serial_number=file.array.serial_number,
             ),
             pose_sensor=PoseSensorConfig(
                 position_std_m=survey.position_std_m,

@@ -10,6 +10,7 @@ from dirmusic.angles import azimuth_of, difference
 from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
+from pdpatrol.envs.scenario.survey import SurveyConfig
 from pdpatrol.envs.scenario.zone import ZoneConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -79,6 +80,11 @@ def georeference_of(log: MissionLog) -> GeoreferenceConfig | None:
     """Return the position on Earth that a survey states, or else its scenario; None if neither does."""
     reference = log.meta.get("georeference") or log.meta.get("scenario", {}).get("georeference")
     return reference and GeoreferenceConfig.model_validate(reference, strict=False)
+
+
+def survey_of(log: MissionLog) -> SurveyConfig:
+    """Return the table `[survey]` of the scenario; an empty one for field data without a yard."""
+    return SurveyConfig.model_validate(log.meta.get("scenario", {}).get("survey", {}), strict=False)
 
 
 def known_yard(log: MissionLog) -> Yard | None:

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from dirmusic.locating.finding import ellipse95
 from dirmusic.pulses.phase_resolved import PhasePattern
+from pdpatrol.envs.scenario.severity import default_severity
 from pdpatrol.missions.driving.site_map import distances_along
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses, phase_patterns
-from pdpatrol.missions.record.log_contents import known_yard, map_of
+from pdpatrol.missions.record.log_contents import known_yard, map_of, survey_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.array_check import check_array
+from pdpatrol.missions.report.assessment import assess, asset_at
 from pdpatrol.missions.report.records import (
     Charge,
     DischargeKind,
@@ -28,6 +30,7 @@ from pdpatrol.missions.report.records import (
     Waypoints,
 )
 from pdpatrol.missions.report.scoring import score_mission
+from pdpatrol.missions.report.settings import survey_record
 
 PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
 """Bins of the phase-resolved pattern."""
@@ -48,11 +51,12 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
     findings = tuple(finding for finding in found if finding.state == "confirmed")
     time_s, battery = step["time_s"], step["battery"][-1:]
     return Report(
-        schema=8,
+        schema=9,
         scenario=log.meta["name"],
         seed=log.meta["seed"],
         policy=log.meta["policy"],
         date=log.meta.get("date"),
+        survey=survey_record(log),
         versions=log.meta.get("versions", {}),
         ending=(None, *_events(events, "end", column="subject"))[-1],
         sim_time_s=float(np.ptp(time_s) if "field_data" in log.meta else time_s.max(initial=0.0)),
@@ -136,6 +140,7 @@ def _findings(
     """Return the findings at the end, sorted by id, and the probabilities of all places of each by id."""
     table = findings_at(log, log.n_rows("step"), "confirmed", "candidate", "outside")
     yard, pulses = known_yard(log), finding_pulses(log)
+    severity, day = survey_of(log).severity or default_severity(), log.meta.get("date")
     found, places_of = list[FindingRecord](), dict[int, dict[str, float]]()
     for row in range(table["id"].size):
         finding = {column: values[row] for column, values in table.items() if column != "step"}
@@ -150,13 +155,17 @@ def _findings(
         if number in pulses and pulses[number].time_s.size:
             # in field data, all pulses received at one place have the same time
             strength = _strength(pulses[number], level_db, aperture_deg, has_rate="field_data" not in log.meta)
+        discharge = _discharge(*patterns[number]) if number in patterns else None
+        is_confirmed = finding["state"] == "confirmed"
         shown = {
             "position_m": position_m.tolist(),
             "position_std_m": np.sqrt(np.diag(covariance_m2)).tolist(),
             "covariance_m2": covariance_m2.tolist(),
             "ellipse95": ellipse95(covariance_m2[:2, :2])._asdict(),
             "sites": [{"name": name, "probability": value} for name, value in places.items() if value >= 0.01],
-            "discharge": _discharge(*patterns[number]) if number in patterns else None,
+            "asset": yard and asset_at(yard, places),
+            "assessment": assess(severity, day, discharge, strength) if is_confirmed else None,
+            "discharge": discharge,
             "strength": strength,
             "confirmed_s": confirmed_s if np.isfinite(confirmed_s) else None,
         }

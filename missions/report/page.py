@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
 from datetime import datetime
 from io import BytesIO
-from typing import Any
+from pathlib import Path
+from typing import Literal
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from pdpatrol.envs.scenario.severity import SeverityTable, default_severity
+from pdpatrol.envs.scenario.survey import IS_DAY
+from pdpatrol.missions.record.log_contents import survey_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.report.figures import STYLE, draw_gains, draw_phase_pattern, draw_site_plan
+from pdpatrol.missions.report.finding_pictures import draw_findings
 from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.settings import settings_in_words
 from pdpatrol.missions.report.wording import (
-    ADVICE_LIMITS,
-    PULSE_CLASSES,
     SITE_STATES,
-    advice_of,
     battery_text,
     kind_text,
+    pulse_classes,
     site_text,
     summary_text,
     title_text,
@@ -41,13 +44,13 @@ def render(template: str, **content: object) -> str:
     return ENVIRONMENT.get_template(template).render(issued=issued, **content)
 
 
-def embed(figure: Figure, description: str) -> Markup:
-    """Return a figure as an image element that contains its SVG; the description is for screen readers."""
+def embed(figure: Figure, description: str, kind: Literal["svg", "jpeg"] = "svg") -> Markup:
+    """Return a figure as an image element that contains it; the description is for screen readers."""
     buffer = BytesIO()
     with rc_context(STYLE):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    data = base64.b64encode(buffer.getvalue()).decode()
-    return Markup('<img alt="{}" src="data:image/svg+xml;base64,{}">').format(description, data)
+        figure.savefig(buffer, format=kind, metadata={"Date": None} if kind == "svg" else None)
+    data, media = base64.b64encode(buffer.getvalue()).decode(), {"svg": "svg+xml"}.get(kind, kind)
+    return Markup('<img alt="{}" src="data:image/{};base64,{}">').format(description, media, data)
 
 
 def report_page(log: MissionLog, report: Report) -> str:
@@ -62,41 +65,54 @@ def report_page(log: MissionLog, report: Report) -> str:
         for finding in report.findings
         if finding.discharge is not None
     }
+    severity = survey_of(log).severity or default_severity()
     return render(
         "report/report.html",
         title="Partial discharge survey",
-        subject=title_text(log.meta),
+        subject=", ".join(filter(None, (report.survey.site, title_text(log.meta)))),
         report=report,
-        field=log.meta.get("field_data", {}),
+        field=log.meta.get("field_data"),
         has_map="scenario" in log.meta,
         summary=summary_text(report),
         battery=battery_text(report),
+        urgent_first=sorted(report.findings, key=lambda finding: finding.assessment.within_days),
+        severity=severity,
+        ranks=severity_ranks(severity),
         plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),
         patterns=patterns,
+        pictures=_pictures(log, report),
         gains=report.array and embed(draw_gains(report.array), "Gain of the antennas by the angle off boresight"),
-        pulse_classes=[(getattr(report.pulses, name), text) for name, text in PULSE_CLASSES.items()],
-        settings=_settings(log.meta),
-        advice_limits=ADVICE_LIMITS,
+        pulse_classes=pulse_classes(report),
+        settings=settings_in_words(log),
         site_states=SITE_STATES,
-        advice_of=advice_of,
     )
 
 
-def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
-    """Return the settings of the measurement, one line for each table, without empty values.
+def _pictures(log: MissionLog, report: Report) -> dict[int, Markup]:
+    """Return a picture of the equipment at each finding by number; none without a map or OpenGL."""
+    try:
+        figures = draw_findings(log, report)
+    except RuntimeError:
+        return {}
+    names = {finding.id: finding.asset.name if finding.asset else "the yard" for finding in report.findings}
+    return {
+        number: embed(figure, f"{names[number]} with a ring around finding {number}", "jpeg")
+        for number, figure in figures.items()
+    }
 
-    Yard and route are omitted because the plan shows them, and sources because they are the truth.
-    """
-    known, lines = meta.get("settings") or meta.get("scenario", {}), dict[str, str]()
-    for name in ("survey", "array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):
-        values = [
-            f"{key} {value}"
-            for key, value in known.get(name, {}).items()
-            if value not in (None, []) and not isinstance(value, dict)
-        ]
-        if values:
-            lines[name] = ", ".join(values)
-    return lines
+
+def severity_ranks(table: SeverityTable) -> dict[str, int]:
+    """Return the colour of each class, from 0 for the least urgent one to 3 for the most urgent one."""
+    n_classes = len(table.classes)
+    return {name: 3 if n_classes == 1 else round(3 * k / (n_classes - 1)) for k, name in enumerate(table.classes)}
+
+
+def _other_page(given: str, page: str) -> Markup:
+    """Return a link to a page, given by its path or its folder; text that is a date stays as it is."""
+    if IS_DAY.fullmatch(given):
+        return escape(given)
+    path = Path(given) if given.endswith(".html") else Path(given) / page
+    return Markup('<a href="{}">{}</a>').format(path.absolute().as_uri(), f"{path.parent.name}/{path.name}")
 
 
 def _breakable(text: str) -> Markup:
@@ -112,4 +128,10 @@ ENVIRONMENT = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
-ENVIRONMENT.filters |= {"breakable": _breakable, "percent": percent, "site": site_text, "kind": kind_text}
+ENVIRONMENT.filters |= {
+    "breakable": _breakable,
+    "other_page": _other_page,
+    "percent": percent,
+    "site": site_text,
+    "kind": kind_text,
+}

@@ -132,6 +132,38 @@ class Strength(ReportPart):
     """Horizontal angle that the lines of sight span, seen from the finding."""
 
 
+class Asset(ReportPart):
+    """Piece of equipment on the map."""
+
+    name: str
+    """Name in the scenario."""
+    kind: str
+    """Kind of equipment."""
+    asset_id: str | None
+    """Number in the register of its owner; null if not stated."""
+    kv: Number | None
+    """Nominal voltage, kV; null if not stated."""
+    phase: str | None
+    """Phase or phases of the mains, such as L1; null if not stated."""
+
+
+class Assessment(ReportPart):
+    """Severity of a finding, and action, by the table of severity of the survey."""
+
+    severity: str
+    """Class of severity."""
+    within_days: Count
+    """Days from the survey until the action is due."""
+    due: str | None
+    """Date on which the action is due, such as 2026-03-02; null if the survey has no date."""
+    meaning: str
+    """Usual cause of such a discharge."""
+    action: str
+    """Recommended action on site."""
+    rule: str
+    """Table and row that led to the class."""
+
+
 class FindingRecord(ReportPart):
     """Located discharge as estimated at the end of the mission."""
 
@@ -155,6 +187,10 @@ class FindingRecord(ReportPart):
     """95 % ellipse in the horizontal plane."""
     sites: tuple[Site, ...]
     """Possible places, the most probable first, down to 1 %; empty without a map and beyond the fence."""
+    asset: Asset | None
+    """Piece of equipment of the most probable place; null if that is elsewhere, without a map, and beyond the fence."""
+    assessment: Assessment | None
+    """Severity, action and due date; null for findings that are not confirmed."""
     discharge: DischargeKind | None
     """Kind; null if the phase of the mains is not known."""
     strength: Strength | None
@@ -334,10 +370,45 @@ class Scores(ReportPart):
         return tuple(source.match for source in self.sources if source.match is not None)
 
 
+class Survey(ReportPart):
+    """Statements on the survey from the table `[survey]` of the scenario; null where nothing is stated."""
+
+    site: str | None
+    """Name of the substation."""
+    owner: str | None
+    """Owner of the equipment."""
+    voltage: str | None
+    """Nominal voltages of the site."""
+    report_number: str | None
+    """Number of the report."""
+    revision: str | None
+    """Revision of the report."""
+    inspector: str | None
+    """Who made the survey."""
+    weather: str | None
+    """Weather."""
+    load: str | None
+    """Load and operating state of the equipment."""
+    background_noise: str | None
+    """Radio background as observed on site."""
+    previous_survey: str | None
+    """Date of the previous survey, or path of its report or its folder."""
+    next_survey: str | None
+    """Date planned for the next survey."""
+    trend: str | None
+    """Path of a trend page or its folder."""
+    serial_number: int | None
+    """Serial number of the array."""
+    array_calibrated: str | None
+    """Date of the last calibration of the array in a laboratory."""
+    array_state: str
+    """Errors of the array that the survey started from, in words."""
+
+
 class Report(ReportPart):
     """Findings of a mission, their uncertainty, and the inspection of the sites."""
 
-    schema_number: Literal[8] = Field(alias="schema")
+    schema_number: Literal[9] = Field(alias="schema")
     """Number of this schema."""
     scenario: str
     """Name of the scenario, or of the table of field data."""
@@ -347,6 +418,8 @@ class Report(ReportPart):
     """Driving policy; null for field data."""
     date: str | None
     """Date of the inspection, such as 2026-03-02; null if not given."""
+    survey: Survey
+    """Site, people, conditions, other surveys, and the array."""
     versions: dict[str, str]
     """Versions of the software that made the log, by name."""
     ending: str | None

@@ -1,20 +1,13 @@
-"""Sentences of a report: sites, kinds, pulses, summary, and recommended actions."""
+"""Sentences of a report: sites, kinds, pulses and summary."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.which_site import in_words, percent
 from pdpatrol.missions.report.records import FindingRecord, Report, SiteInspections
-
-PULSE_CLASSES = {
-    "of_findings": "associated with findings and candidates",
-    "unexplained": "of no finding",
-    "rejected": "rejected: clipped, or too weak for a bearing",
-}
-"""Description of each field of `PulseCounts` except the total."""
 
 SITE_STATES = {
     "inspected": "inspected",
@@ -23,58 +16,6 @@ SITE_STATES = {
     "not_inspected": "not inspected",
 }
 """Description of each state of a site."""
-
-TIME_FRAMES = ("at the next planned inspection", "within three months", "within one month", "within one week")
-"""Time frames of actions, by urgency. Assumed."""
-
-
-class Advice(NamedTuple):
-    """Recommended action for a kind of discharge.
-
-    Attributes:
-        meaning: Usual cause of such a discharge.
-        action: Action on site.
-        urgency: Index into `TIME_FRAMES` for a discharge that is not strong.
-    """
-
-    meaning: str
-    action: str
-    urgency: int
-
-
-ADVICE = {
-    "corona": Advice(
-        "Corona in air starts at sharp edges and unshielded fittings; outdoors it is mostly harmless by itself.",
-        "Inspect the place with an ultraviolet camera and look for loose or missing shielding.",
-        0,
-    ),
-    "surface": Advice(
-        "Surface discharges come with pollution, moisture or cracks on an insulator, and grow in wet weather.",
-        "Inspect the insulator surface, clean it if it is polluted, and repeat the measurement in dry and wet weather.",
-        1,
-    ),
-    "void": Advice(
-        "Discharges in voids lie inside solid or liquid insulation and can erode it without visible signs.",
-        "Confirm by a second method on the asset itself: IEC 60270, or dissolved gas analysis where there is oil.",
-        2,
-    ),
-    "floating": Advice(
-        "Metal at floating potential is usually a loose or broken contact; its discharges are strong and regular.",
-        "Check fasteners, shields and bonds at this place as soon as an outage allows, and measure again until then.",
-        2,
-    ),
-    "unknown": Advice(
-        "The kind of discharge is too uncertain to assess.",
-        "Repeat the measurement near this place for longer, and inspect it with an ultraviolet camera.",
-        1,
-    ),
-}
-"""Actions by kind of discharge. Assumed; they follow common practice."""
-
-ADVICE_LIMITS = (
-    "Levels are received field strengths, not apparent charge: no standard sets limits for them. The rules are "
-    "assumptions and replace neither the manufacturer's advice nor the judgement of an insulation engineer."
-)
 
 PHASES = {
     "patrol": "drives the route",
@@ -89,20 +30,6 @@ PHASES = {
     "field": "field data",
 }
 """Descriptions of the phases of built-in policies."""
-
-
-def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
-    """Return the recommended action for a finding, its time frame, and the rule that led to them.
-
-    The rule of a kind applies at a confidence of 80 % or more. A level of at least one volt at 1 m raises the urgency
-    by one step. Both are assumed.
-    """
-    discharge, strength = finding.discharge, finding.strength
-    kind = discharge.kind if discharge and discharge.confidence >= 0.8 else "unknown"
-    is_strong = strength is not None and strength.level_db is not None and strength.level_db >= 0.0
-    known = "uncertain" if kind == "unknown" else f"{kind} with a confidence of at least 80 %"
-    rule = f"Rule: kind {known}; level {'at or above' if is_strong else 'below'} 0 dBV at 1 m."
-    return ADVICE[kind], TIME_FRAMES[ADVICE[kind].urgency + is_strong], rule
 
 
 def site_text(finding: FindingRecord) -> str:
@@ -125,6 +52,21 @@ def kind_text(finding: FindingRecord) -> str:
 def existence_text(finding: FindingRecord) -> str:
     """Return the probability that a source exists, and whether it is possibly two."""
     return percent(finding.existence) + ", possibly two" * finding.possibly_two
+
+
+def pulse_classes(report: Report) -> list[tuple[int | None, str]]:
+    """Return the number and the description of each class of pulses."""
+    kinds = {
+        "confirmed findings": bool(report.findings),
+        "candidates": any(candidate.state == "candidate" for candidate in report.candidates),
+        "sources beyond the fence": any(candidate.state == "outside" for candidate in report.candidates),
+    }
+    counts, of_what = report.pulses, " or ".join(kind for kind, exists in kinds.items() if exists)
+    return [
+        (counts.of_findings, f"associated with {of_what or 'findings'}"),
+        (counts.unexplained, "of no finding"),
+        (counts.rejected, "rejected: clipped, or too weak for a bearing"),
+    ]
 
 
 def title_text(meta: Mapping[str, Any]) -> str:

@@ -24,7 +24,7 @@ def site_map(scenario: Scenario, reference: GeoreferenceConfig) -> dict[str, Any
         keys = piece.model_dump(mode="json", exclude_none=True, exclude={"position_m"})
         known = next((tags for tags, kind in RULES if kind == piece.kind), {})
         tags = {key: "yes" if value == ANY else value for key, value in known.items()}
-        tags |= {"voltage": str(1000 * keys["kv"])} if "kv" in keys else {}
+        tags |= {"voltage": f"{1000 * keys['kv']:.0f}"} if "kv" in keys else {}
         place = longitude_latitude(np.array(piece.position_m), reference).tolist()
         properties = {"name": piece.name, **tags, OWN: keys}
         features.append(

@@ -11,7 +11,18 @@ from dirmusic.arrays import FloatArray
 from pdpatrol.robot_models.equipment.assembly import Assembly
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, assemble
 from pdpatrol.robot_models.equipment.voltages import Kv
-from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
+from pdpatrol.robot_models.yard.quantities import (
+    MOST_SITES,
+    AssetId,
+    Coordinate,
+    Height,
+    Length,
+    Name,
+    NominalKv,
+    PhaseName,
+    StretchedLength,
+    Yaw,
+)
 from pdpatrol.robot_models.yard.solids import Solid, YardSolids
 
 Sites = Annotated[Mapping[Name, tuple[Coordinate, Coordinate, Coordinate]], Field(max_length=MOST_SITES)]
@@ -29,6 +40,8 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
     name: Name
     position_m: tuple[Coordinate, Coordinate] = Field(description="centre of the footprint, world frame")
     yaw_deg: Yaw = 0.0
+    asset_id: AssetId | None = Field(default=None, description="number in the register of the owner, for reports")
+    phase: PhaseName | None = Field(default=None, description="phase of the mains, for reports")
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -75,6 +88,7 @@ class _PlainEquipment(_Equipment, frozen=True):
 
     kind: Name = Field(description="kind of equipment, for example power_transformer")
     height_m: Height
+    kv: NominalKv | None = Field(default=None, description="nominal voltage, for reports")
     sites: Sites = Field(
         default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
     )

@@ -40,3 +40,12 @@ Height = Annotated[float, Field(ge=0.05, le=50.0)]
 
 Yaw = Annotated[float, Field(ge=-360.0, le=360.0)]
 """Yaw angle, degrees, counter-clockwise."""
+
+AssetId = Annotated[str, Field(min_length=1, max_length=MOST_LETTERS, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""Number or code of a piece of equipment in the register of its owner."""
+
+PhaseName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ,/-]*$", max_length=16)]
+"""Phase or phases of the mains, such as `L1`, `B` or `L1-L2-L3`."""
+
+NominalKv = Annotated[float, Field(gt=0.0, le=1500.0)]
+"""Nominal voltage, kV, up to that of the highest lines."""
