@@ -44,6 +44,12 @@ STATES = {
 }
 """Colour and legend of findings by state."""
 
+LABEL_PLACES_PT = ((-10, 10), (10, -10), (-10, -10), (0, 17), (20, 0), (-20, 0), (0, -17), (0, 27), (0, -27))
+"""Offsets of a label from its place, of which the first free one is used."""
+
+LABEL_PAD_PX = 4.0
+"""Width of the box around the text of a label, at 100 pixels per inch."""
+
 SITE_MARKS = {
     "inspected": ("o", "#1e8449", "site, inspected"),
     "finding": ("s", "#b3261e", "site, finding near"),
@@ -75,6 +81,7 @@ def draw_site_plan(log: MissionLog, report: Report) -> Figure:
     for finding in (*report.candidates, *report.findings):
         draw_finding(axes, finding.id, finding.state, finding.position_m, finding.covariance_m2)
     draw_legend(axes)
+    move_labels_apart(figure)
     return figure
 
 
@@ -194,6 +201,25 @@ def draw_label(
         bbox={"boxstyle": "round,pad=0.25", "facecolor": colour, "edgecolor": "white"},
         zorder=8,
     )
+
+
+def move_labels_apart(figure: Figure) -> None:
+    """Move labels of `draw_label` off names and off each other; one for which no place is free stays."""
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    taken = [text.get_window_extent() for text in axes.texts if not isinstance(text, Annotation)]
+    for label in axes.texts:
+        if not isinstance(label, Annotation):
+            continue
+        own = label.xyann
+        for place in (own, *LABEL_PLACES_PT):
+            label.xyann = place
+            box = label.get_window_extent().padded(LABEL_PAD_PX)
+            if not any(box.overlaps(other) for other in taken):
+                break
+        else:
+            label.xyann = own
+        taken.append(box)
 
 
 def draw_legend(axes: Axes) -> None:

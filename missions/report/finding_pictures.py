@@ -27,7 +27,7 @@ NEAREST_M, SIZES_AWAY = 4.0, 1.7
 """Smallest distance of the camera, and its distance in lengths of the longest side of the equipment."""
 
 
-def draw_findings(log: MissionLog, report: Report) -> dict[int, Figure]:
+def draw_finding_pictures(log: MissionLog, report: Report) -> dict[int, Figure]:
     """Draw the equipment at each confirmed finding, seen from where the robot was nearest if nothing hides it there.
 
     Returns:

@@ -19,7 +19,7 @@ from pdpatrol.missions.record.log_contents import survey_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.report.figures import STYLE, draw_gains, draw_phase_pattern, draw_site_plan
-from pdpatrol.missions.report.finding_pictures import draw_findings
+from pdpatrol.missions.report.finding_pictures import draw_finding_pictures
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.settings import settings_in_words
 from pdpatrol.missions.report.wording import (
@@ -91,7 +91,7 @@ def report_page(log: MissionLog, report: Report) -> str:
 def _pictures(log: MissionLog, report: Report) -> dict[int, Markup]:
     """Return a picture of the equipment at each finding by number; none without a map or OpenGL."""
     try:
-        figures = draw_findings(log, report)
+        figures = draw_finding_pictures(log, report)
     except RuntimeError:
         return {}
     names = {finding.id: finding.asset.name if finding.asset else "the yard" for finding in report.findings}
