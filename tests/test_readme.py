@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from pdpatrol.envs import load_scenario
+from pdpatrol.envs.scenario.severity import DEFAULT
 
 pytestmark = pytest.mark.whole
 
@@ -67,7 +68,9 @@ def test_documented_settings_are_accepted(tmp_path: Path) -> None:
     shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
     assert "[nature" not in shipped
     (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml", SCENARIOS)]), encoding="utf-8")
+    (tmp_path / "my_severity.toml").write_text(DEFAULT.read_text(encoding="utf-8"), encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
+    assert scenario.survey.severity is not None
     assert len(scenario.nature.receiver.faults) == 2
     assert len(scenario.carriers) == 1
     assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0, None]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from pdpatrol.envs.scenario.base import weeks_between
 from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.campaign.records import LinearTrend, TrackedDischarge, Trend
-from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_label, draw_yard
+from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_label, draw_yard, move_labels_apart
 from pdpatrol.missions.report.page import embed, render
 
 COLOURS = {
@@ -119,6 +119,7 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
             change, (x, y, _) = change_of(discharge), discharge.position_m
             axes.plot(x, y, "o", color=COLOURS[change], markersize=8, markeredgecolor="white", zorder=7)
             draw_label(axes, f"{discharge.number}: {change}", (x, y), (0.0, 14.0), COLOURS[change])
+        move_labels_apart(figure)
     return figure
 
 

@@ -14,6 +14,7 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import offset_copy
 from numpy.typing import ArrayLike
 
 from dirmusic.locating.finding import outline95
@@ -43,6 +44,9 @@ STATES = {
     "outside": ("#7d6608", "beyond the fence"),
 }
 """Colour and legend of findings by state."""
+
+NAME_BELOW_PT = 3.0
+"""Distance of the name of equipment from its lower side, so that a site there does not cover it."""
 
 LABEL_PLACES_PT = ((-10, 10), (10, -10), (-10, -10), (0, 17), (20, 0), (-20, 0), (0, -17), (0, 27), (0, -27))
 """Offsets of a label from its place, of which the first free one is used."""
@@ -149,6 +153,7 @@ def draw_yard(axes: Axes, yard: Yard) -> None:
     axes.add_patch(Polygon(yard.fence.corners_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
     size_pt, outline = 7.0 if len(yard.equipment) <= 14 else 5.5, [withStroke(linewidth=2.2, foreground="white")]
     style = {"fontsize": size_pt, "color": "#333d47", "path_effects": outline, "clip_on": True, "zorder": 6}
+    style["transform"] = offset_copy(axes.transData, axes.figure, y=-NAME_BELOW_PT, units="points")
     for item in yard.equipment:
         low_m, high_m = item.solids.extent_m
         axes.text(0.5 * (low_m[0] + high_m[0]), low_m[1], item.name, ha="center", va="top", **style)

@@ -21,6 +21,8 @@ from tests.missions.field.surveys import EXAMPLE, log_of_table
 from tests.missions.report.logs import two_findings
 from tests.missions.report.page_reader import PageReader
 
+DOCS = Path(__file__).parents[3] / "docs" / "schemas" / "report.md"
+
 YARD = """
 [yard]
 size_m = [20.0, 20.0]
@@ -232,3 +234,12 @@ def test_survey_of_a_yard_states_its_table(tmp_path: Path) -> None:
     assert alone.survey.site is None
     assert [finding.id for finding in alone.findings] == [1]
     assert [finding.assessment and finding.assessment.due for finding in alone.findings] == [None]
+
+
+def test_documented_table_of_severity_is_the_default() -> None:
+    page, table = DOCS.read_text(encoding="utf-8"), default_severity()
+    for kind, row in table.kinds:
+        classes = (f"{name}, {table.classes[name]} days" for name in (row.class_weak, row.class_strong))
+        assert f"| {kind} | {' | '.join(classes)} | {row.action} |" in page
+    assert f"strong from {table.strong_dbv:g} dBV" in page
+    assert f"less than {100 * table.least_confidence:.0f} % confidence" in page
