@@ -66,3 +66,20 @@ def test_page_shows_text_and_pictures_and_loads_nothing(name: str, theme: Theme,
     assert n_colours(seen) > 50
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
     assert errors == []
+
+
+A4_WIDTH_PX, A4_HEIGHT_PX = 680, 1005
+"""Text area of the first page of A4, at 96 pixels per inch."""
+
+
+def test_report_reads_on_a_phone_and_states_actions_on_page_1(folder: Path) -> None:
+    with opened((folder / "2026-03-02" / "report.html").as_uri(), "light") as (page, _):
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        outside = "[...document.querySelectorAll('#actions *')].filter(x => x.getBoundingClientRect().right > 390)"
+        assert page.evaluate(f"{outside}.length") == 0
+        page.set_viewport_size({"width": A4_WIDTH_PX, "height": A4_HEIGHT_PX})
+        page.emulate_media(media="print")
+        for name in ("#actions", "#sign-off"):
+            bottom_px = page.evaluate(f"document.querySelector('{name}').getBoundingClientRect().bottom")
+            assert bottom_px < A4_HEIGHT_PX, name
