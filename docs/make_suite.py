@@ -1,4 +1,7 @@
-"""Make the yards of the levels that version 2 of the suite added, each from a yard of version 1.
+"""Make the yards of the levels that versions 2 and 3 of the suite added.
+
+Those of version 2 are made from yards of version 1. Those of version 3 are substations as `pdpatrol generate` draws
+them, and have the other tables of `suite/open_01`.
 
 uv run python docs/make_suite.py            # all of these levels
 uv run python docs/make_suite.py mismatch   # one of them
@@ -10,9 +13,11 @@ The script ends with an error if a source could not be found; see `Finder`.
 
 from __future__ import annotations
 
+import math
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import combinations, count
 from typing import Any
 
@@ -23,12 +28,18 @@ from dirmusic.angles import aperture
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.random_yard import pushed_out
+from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.envs.scenario.suite import SUITE, choose_yards, load_suite
+from pdpatrol.envs.substation.schemes import Scheme
+from pdpatrol.envs.substation.substation import Substation, SubstationParameters, draw_substation
+from pdpatrol.envs.substation.substation_file import substation_text
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
 from pdpatrol.missions.planning.cover import candidates, cover, coverage
 from pdpatrol.missions.planning.detectability import MARGIN_DB, DirectPaths, compute_detectability
+from pdpatrol.missions.planning.plan import make_plan
 from pdpatrol.missions.planning.tour import ShortestTours
+from pdpatrol.robot_models.equipment.voltages import Kv
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M
 
 PARTS = {"public": 1, "test": 51}
@@ -286,12 +297,105 @@ def stops_past_all_sites(scenario: Scenario) -> FloatArray:
     return site_map.centres_m[ShortestTours(site_map).shortest(where.cells[columns].tolist()).stops]
 
 
+SITE_BAYS: Mapping[Kv, Mapping[Scheme, tuple[int, int]]] = {
+    110: {"single_busbar": (4, 10), "double_busbar": (4, 10), "ring": (3, 6), "breaker_and_a_half": (2, 8)},
+    220: {"single_busbar": (4, 8), "double_busbar": (4, 8), "ring": (3, 6), "breaker_and_a_half": (4, 10)},
+    400: {"single_busbar": (3, 7), "double_busbar": (3, 7), "ring": (3, 6), "breaker_and_a_half": (4, 18)},
+}
+"""Ranges of the number of bays, by voltage and scheme."""
+
+SITE_YARDS = 10
+"""Number of substations in each part of a level."""
+
+SITE_SOURCES = (2, 10)
+"""Range of the number of discharges in a substation."""
+
+SITE_AMPLITUDE_V = 0.1
+"""Weakest discharge for which the routes of substations are planned; that of the weakest that `generate` draws."""
+
+PEOPLE, WALKING_MPS = 2, 1.2
+"""Number of people who walk on the roads of a substation, and their speed (assumed)."""
+
+
+def site(kv: Kv) -> Callable[[str, np.random.Generator], Iterator[Change]]:
+    """Return the function that makes the substations of one part of a level."""
+    return partial(substations, kv)
+
+
+def substations(kv: Kv, part: str, rng: np.random.Generator) -> Iterator[Change]:
+    """Make substations with planned routes past all sites, discharges at sites on them, interferers and people."""
+    numbers = spread(part, rng, SITE_SOURCES[0] - 0.49, SITE_SOURCES[1] + 0.49, SITE_YARDS)
+    for k in range(SITE_YARDS):
+        scheme = list(SITE_BAYS[kv])[k % len(SITE_BAYS[kv])]
+        n_bays, seed = int(rng.integers(*SITE_BAYS[kv][scheme], endpoint=True)), int(rng.integers(1000000))
+        drawn = draw_substation(SubstationParameters(kv, scheme, n_bays, seed))
+        tables = tables_of("suite/open_01") | tomllib.loads(substation_text(drawn, 64)) | {"name": f"site_{kv}"}
+        scenario = restore_scenario(tables | {"sources": []})
+        plan = make_plan(scenario, SITE_AMPLITUDE_V)
+        detections = zip(plan.detectability.names, plan.detections(), strict=True)
+        detected = {name for name, detection in detections if detection is not None}
+        sources = [source for source in tables["sources"] if source["sites"][0] in detected]
+        duration_s = plan.driving_s + plan.dwell_s * len(plan.stops_m)
+        tables |= {
+            "route": tables["route"] | {"waypoints_m": plan.stops_m.round(2).tolist(), "dwell_s": plan.dwell_s},
+            "task": {"time_limit_s": 300.0 * math.ceil(1.5 * duration_s / 300.0)},
+            "sources": [source | {"amplitude_range_db": 0.0} for source in sources[: round(next(numbers))]],
+            "interferers": interferers(drawn, rng) if k % 3 == 0 else [],
+            "nature": {"moving": people(drawn, rng)},
+        }
+        complete = restore_scenario(tables).model_dump(mode="json", include=set(tables) - {"nature"}, exclude_none=True)
+        made = ("yard", "route", "task", "sources", "interferers")
+        yield "suite/open_01", {name: complete[name] for name in made if complete[name]} | {"nature": tables["nature"]}
+
+
+def interferers(drawn: Substation, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Draw traffic outside the fence of a substation, and a switch that emits bursts at the control building."""
+    length_m, beyond_m = drawn.size_m[0], round(float(rng.uniform(5.0, 15.0)), 2)
+    building = next(piece for piece in drawn.yard.equipment if piece.name == "building")
+    return [
+        {
+            "name": "traffic",
+            "position_m": [-40.0, -beyond_m, 1.0],
+            "path_m": [[length_m + 40.0, -beyond_m, 1.0]],
+            "speed_mps": 13.0,
+            "amplitude_v": round(float(rng.uniform(0.3, 0.6)), 2),
+            "pulse_rate_hz": 15.0,
+        },
+        {
+            "name": "switch",
+            "position_m": [*building.position_m, 4.5],
+            "amplitude_v": round(float(rng.uniform(0.5, 2.0)), 2),
+            "pulse_rate_hz": 5.0,
+            "burst_s": 1e-6,
+        },
+    ]
+
+
+def people(drawn: Substation, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Draw people who walk to and fro on the roads of a substation, except on that along the dock."""
+    roads_m = [road_m for road_m in drawn.roads_m if any(end_m[0] != drawn.dock_m[0] for end_m in road_m)]
+    return [
+        {
+            "name": f"person_{k}",
+            "kind": "person",
+            "path_m": [list(end_m) for end_m in roads_m[road]],
+            "speed_mps": WALKING_MPS,
+            "pause_s": [5.0, 30.0],
+            "loop": False,
+        }
+        for k, road in enumerate(rng.choice(len(roads_m), PEOPLE, replace=False).tolist(), 1)
+    ]
+
+
 LEVELS: Mapping[str, Callable[[str, np.random.Generator], Iterator[Change]]] = {
     "mismatch": mismatch,
     "frame": frame,
     "close": close,
     "slow": slow,
     "wet": wet,
+    "site_110": site(110),
+    "site_220": site(220),
+    "site_400": site(400),
 }
 """Functions that make the yards of one part of a level."""
 
@@ -330,7 +434,9 @@ def main(levels: Sequence[str]) -> None:
             for k, (base, tables) in enumerate(LEVELS[level](part, rng)):
                 path = folder / f"{level}_{first + k:02}.toml"
                 path.write_text(toml_text(level, base, tables), encoding="utf-8")
-                check_sources(load_scenario(path))
+                scenario = load_scenario(path)
+                if not level.startswith("site"):  # their sources are where the planned route detects them
+                    check_sources(scenario)
 
 
 if __name__ == "__main__":

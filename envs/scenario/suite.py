@@ -26,6 +26,8 @@ class Suite(NamedTuple):
         version: Version number, which changes whenever the yards, sources, errors or seeds do.
         checksum: SHA-256 of the names and contents of all files, in hexadecimal digits.
         levels: Description of each level by name, in order.
+        sites: Names of the levels of substations. Only their own names choose them, because each of their missions takes
+            minutes.
         seeds: Seeds of the missions in each yard, by part.
         yards: All yards, level by level, with the public part of each level first.
     """
@@ -33,6 +35,7 @@ class Suite(NamedTuple):
     version: int
     checksum: str
     levels: Mapping[str, str]
+    sites: tuple[str, ...]
     seeds: Mapping[str, range]
     yards: tuple[SuiteYard, ...]
 
@@ -49,11 +52,13 @@ class SuiteYard(NamedTuple):
         level: Level of the yard.
         part: Part of the suite, `public` or `test`.
         path: Scenario file of the yard.
+        seeds: Seeds of the missions in it.
     """
 
     level: str
     part: str
     path: Path
+    seeds: range
 
     @property
     def name(self) -> str:
@@ -66,24 +71,26 @@ def load_suite() -> Suite:
     """Load the index of the suite."""
     index: dict[str, Any] = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))
     seeds = {part: range(first, last + 1) for part, (first, last) in index["seeds"].items()}
+    levels: dict[str, str] = index["levels"] | index["sites"]
+    n_seeds = dict.fromkeys(index["sites"], index["seeds_of_sites"])
     yards = tuple(
-        SuiteYard(level, part, path)
-        for level in index["levels"]
+        SuiteYard(level, part, path, seeds[part][: n_seeds.get(level)])
+        for level in levels
         for part in seeds
         for path in sorted((SUITE / part / level).glob("*.toml"))
     )
     digest = hashlib.sha256()
     for yard in yards:
         digest.update(f"{yard.part}/{yard.path.name}\n".encode() + yard.path.read_bytes())
-    return Suite(index["version"], digest.hexdigest(), index["levels"], seeds, yards)
+    return Suite(index["version"], digest.hexdigest(), levels, tuple(index["sites"]), seeds, yards)
 
 
 def choose_yards(name: str) -> tuple[SuiteYard, ...]:
     """List the yards that a name on the command line refers to.
 
     Args:
-        name: `suite` for the public part, `suite/LEVEL` for one of its levels, `suite/test` and `suite/test/LEVEL` for
-            the test part and its levels, `suite/LEVEL_NUMBER` for one yard of either part.
+        name: `suite` for the public part without the substations, `suite/LEVEL` for one of its levels, `suite/test` and
+            `suite/test/LEVEL` for the same of the test part, `suite/LEVEL_NUMBER` for one yard of either part.
 
     Raises:
         ScenarioError: If the name matches no yard.
@@ -91,7 +98,11 @@ def choose_yards(name: str) -> tuple[SuiteYard, ...]:
     suite, (_, *rest) = load_suite(), name.split("/")
     part, levels = ("test", rest[1:]) if rest[:1] == ["test"] else ("public", rest)
     chosen = tuple(
-        yard for yard in suite.yards if yard.name == name or (yard.part == part and levels in ([], [yard.level]))
+        yard
+        for yard in suite.yards
+        if yard.name == name
+        or (yard.part == part and levels == [yard.level])
+        or (yard.part == part and not levels and yard.level not in suite.sites)
     )
     if not chosen:
         known = ", ".join(f"suite/{level}" for level in suite.levels)

@@ -82,7 +82,7 @@ def make_plan(
     chosen: list[tuple[str, str, str, Sequence[int]]] = []
     for name in scenarios:
         if is_of_suite(name):
-            chosen += [(yard.name, yard.level, suite.label, suite.seeds[yard.part]) for yard in choose_yards(name)]
+            chosen += [(yard.name, yard.level, suite.label, yard.seeds) for yard in choose_yards(name)]
         else:
             chosen.append((name, "", "", range(20)))
     jobs: list[MissionJob] = []

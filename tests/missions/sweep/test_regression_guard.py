@@ -21,7 +21,8 @@ MAX_ERROR_RATIO = 1.55
 
 @pytest.mark.slow
 def test_missions_are_no_worse_than_the_stored_ones(tmp_path: Path) -> None:
-    yards = [f"suite/{level}_01" for level in load_suite().levels]
+    suite = load_suite()
+    yards = [f"suite/{level}_01" for level in suite.levels if level not in suite.sites]
     subprocess.run([PDPATROL, "sweep", *yards, "--seeds", "0-2", "--out", "guard"], cwd=tmp_path, check=True)
     rows = Dataset(tmp_path / "guard").read()
     before, now = pair_up(rows, str(ROOT / "docs" / "results" / "public"), str(tmp_path / "guard"))
