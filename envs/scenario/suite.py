@@ -26,7 +26,7 @@ class Suite(NamedTuple):
         version: Version number, which changes whenever the yards, sources, errors or seeds do.
         checksum: SHA-256 of the names and contents of all files, in hexadecimal digits.
         levels: Description of each level by name, in order.
-        sites: Names of the levels of substations. Only their own names choose them, because their missions take minutes.
+        sites: Names of the levels of substations. Only their own names choose them, as their missions take minutes.
         seeds: Seeds of the missions in each yard, by part.
         yards: All yards, level by level, with the public part of each level first.
     """
