@@ -7,6 +7,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from pdpatrol.missions.recording.findings import SPAN_DB, UNITS_PER_DB
+from pdpatrol.missions.recording.palette import PALETTE
 
 SO_FAR = rrb.VisibleTimeRanges(
     timeline="sim_time",
@@ -22,7 +23,7 @@ WHOLE = rrb.TimeAxis(
 
 
 def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool = False) -> rrb.Blueprint:
-    """Return the layout: robot, plan and status above; phases of the mission, plots and phase-resolved pattern below.
+    """Return the layout: robot and plan, below them phases of the mission, plots and pattern; texts on the right.
 
     Args:
         meta: Metadata of the log.
@@ -31,47 +32,45 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
     """
     low, high = np.array(meta["bounds_m"])
     centre, above_m = np.array([*(0.5 * (low + high)), 0.0]), 0.88 * float(np.max((high - low) * [1.0, 1.25]))
-    behind = rrb.EyeControls3D(
-        position=[-3.6, -2.6, 4.6], look_target=[0, 0, 0.5], eye_up=[0, 0, 1], tracking_entity="world/robot"
-    )
+    behind = rrb.EyeControls3D(tracking_entity="world/camera")
     plan = rrb.EyeControls3D(position=centre + np.array([0.0, -0.01, above_m]), look_target=centre, eye_up=[0, 1, 0])
-    truth, labels = "world/truth", ("world/robot/marker", "world/yard/names")
-    status = rrb.Vertical(
-        rrb.TextDocumentView(origin="mission/status", name="Status"),
-        rrb.TextLogView(
-            origin="mission/events",
-            name="Events",
-            columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["body"]),
-        ),
-        row_shares=[3, 2],
+    truth, on_plan = "world/truth", ("world/robot/marker", "world/yard/names", "world/route/numbers")
+    texts = rrb.Vertical(
+        rrb.TextDocumentView(origin="mission/status", name="Story"),
+        rrb.TextDocumentView(origin="mission/events", name="Events so far, the latest first"),
+        rrb.TextDocumentView(origin="mission/legend", name="Colours"),
+        row_shares=[10, 7, 5],
     )
     reach = UNITS_PER_DB * SPAN_DB
     pattern = rrb.Spatial2DView(
         origin="phase_pattern",
-        name="Phase-resolved pattern, level over 1 V at 1 m",
-        visual_bounds=rrb.VisualBounds2D(x_range=[-45.0, 370.0], y_range=[-reach - 54.0, reach + 28.0]),
+        name="Phase-resolved pattern [dBV at 1 m over °]",
+        background=rrb.Background(color=PALETTE.paper),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-55.0, 380.0], y_range=[-reach - 54.0, reach + 34.0]),
         time_ranges=SO_FAR,
     )
-    return rrb.Blueprint(
-        rrb.Vertical(
-            rrb.Horizontal(
-                _world_view("Robot", behind, truth, *labels),
-                rrb.Tabs(_world_view("Plan", plan, truth), _world_view("Plan and truth", plan)),
-                status,
-                column_shares=[5, 5, 4],
+    views = rrb.Vertical(
+        rrb.Horizontal(
+            _world_view("Robot", behind, truth, *on_plan),
+            rrb.Tabs(
+                _world_view("Plan", plan, truth, "world/camera"),
+                _world_view("Plan and truth", plan, "world/camera"),
             ),
-            rrb.StateTimelineView(origin="mission/phase", name="Mission", time_view=WHOLE),
-            rrb.Horizontal(
-                _plot("directions", "Bearings and heading (°)", (-180.0, 180.0)),
-                rrb.Tabs(
-                    _plot("uncertainty", "95 % ellipses, longer half-axis (m)", (0.0, 3.0)),
-                    _plot("strengths", "Strengths of the elements (dBV)"),
-                ),
-                pattern,
-                column_shares=[5, 5, 4],
-            ),
-            row_shares=[10, 2.5, 7],
+            column_shares=[4, 5],
         ),
+        rrb.StateTimelineView(origin="mission/phase", name="Mission", time_view=WHOLE),
+        rrb.Horizontal(
+            _plot("directions", "Bearings and heading [°]", (-195.0, 195.0)),
+            rrb.Tabs(
+                _plot("uncertainty", "Half-axis of 95 % ellipses [m]", (-0.12, 3.0)),
+                _plot("strengths", "Strengths of the elements [dBV]"),
+            ),
+            pattern,
+        ),
+        row_shares=[11, 2.5, 7],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(views, texts, column_shares=[10, 3]),
         rrb.TimePanel(
             state="collapsed",
             timeline="sim_time",
@@ -91,6 +90,7 @@ def _world_view(name: str, eye: rrb.EyeControls3D, *hidden: str) -> rrb.Spatial3
         origin="world",
         name=name,
         eye_controls=eye,
+        background=rrb.Background(color=PALETTE.sky),
         line_grid=False,
         overrides=overrides,
     )

@@ -62,7 +62,8 @@ def test_recording_has_every_row_of_the_log(drawn: Entities, log: MissionLog) ->
         assert len(drawn[path]["strips"]) == -(-log.n_rows("step") // 5)
     n_rays = sum(len(rays) for rays in drawn["world/bearings"]["strips"].values())
     assert n_rays == log.n_rows("bearing") > 100
-    assert {text for (text,) in drawn["mission/events"]["text"].values()} <= set(log.column("event", "text").tolist())
+    shown = "".join(text for (text,) in drawn["mission/events"]["text"].values())
+    assert not [text for text in log.column("event", "text").tolist() if text.replace("_", "\\_") not in shown]
     for number in set(log.column("finding", "id").tolist()):
         assert f"world/findings/{number}" in drawn
     for path in ("yard/equipment/box", "robot/body/cylinder", "yard/sites", "route", "likelihood"):
@@ -128,7 +129,7 @@ def test_recording_of_a_killed_mission(tmp_path: Path, log: MissionLog) -> None:
     drawn = recorded(MissionLog.load(tmp_path), tmp_path)
     assert len(drawn["world/robot"]["translation"]) == log.n_rows("step")
     assert not [path for path in drawn if path.startswith("phase_pattern")]
-    assert "over after 43 s: killed" in drawn["mission/status"]["text"][log.n_rows("step") - 1][0]
+    assert "The mission ended after 43 s: killed." in drawn["mission/status"]["text"][log.n_rows("step") - 1][0]
 
 
 def test_replay_draws_a_damaged_recording_again(
@@ -193,6 +194,69 @@ def test_left_turn_turns_the_robot(drawn: Entities, log: MissionLog) -> None:
     np.testing.assert_allclose(turns, yaw_rad, atol=1e-5)
     for step, (degrees,) in drawn["plots/directions/heading"]["scalars"].items():
         assert degrees == pytest.approx(np.degrees(wrap(yaw_rad[step])))
+
+
+def test_camera_looks_at_the_robot_from_behind(drawn: Entities, log: MissionLog) -> None:
+    """Its view is level, contains the horizon, and turns slowly."""
+    camera, pose = drawn["world/camera"], log.column("step", "pose")
+    rows = [(camera["translation"][step][0], camera["mat3x3"][step][0]) for step in range(len(pose))]
+    place_m = np.array([place for place, _ in rows])
+    right, down, forward = np.moveaxis(np.array([matrix for _, matrix in rows]).reshape(-1, 3, 3), 1, 0)
+    np.testing.assert_allclose(np.cross(right, down), forward, atol=1e-6)
+    np.testing.assert_allclose(right[:, 2], 0.0, atol=1e-6)
+    assert (down[:, 2] < -0.9).all()
+    assert (np.abs(np.arcsin(forward[:, 2])) < 0.5 * camera_fov_rad(drawn)).all()  # half of the image is above
+    to_robot = np.column_stack([pose[:, :2], np.full(len(pose), 0.5)]) - place_m
+    along = (to_robot * forward).sum(axis=1) / np.linalg.norm(to_robot, axis=1)
+    assert (along > np.cos(0.25 * camera_fov_rad(drawn))).all()
+    turn_rad = np.abs(wrap(np.diff(np.arctan2(forward[:, 1], forward[:, 0]))))
+    assert turn_rad.max() < 0.6 * np.abs(wrap(np.diff(pose[:, 2]))).max()
+
+
+def camera_fov_rad(drawn: Entities) -> float:
+    """Return the vertical field of view of the camera."""
+    matrix = np.array(drawn["world/camera"]["image_from_camera"][None][0]).reshape(3, 3, order="F")
+    return float(2.0 * np.arctan(matrix[1, 2] / matrix[1, 1]))
+
+
+def test_one_number_has_one_colour_everywhere(drawn: Entities, log: MissionLog) -> None:
+    numbers = sorted(set(log.column("finding", "id").tolist()))
+    colours = set[int]()
+    for number in numbers:
+        own = [colour for path in (f"world/findings/{number}", f"world/findings/{number}/ellipse",
+               f"plots/uncertainty/{number}", f"phase_pattern/{number}", f"phase_pattern/{number}/kind")
+               for cell in drawn.get(path, {}).get("colors", {}).values() for colour in cell]  # fmt: skip
+        assert len(own) >= 3
+        assert len(set(own)) == 1
+        colours |= set(own)
+    assert len(colours) == len(numbers) > 1
+
+
+def test_only_what_is_confirmed_is_called_a_finding(log: MissionLog, tmp_path: Path) -> None:
+    unconfirmed = copy_of(log, "step", "pulse", "bearing", "association")
+    for row in zip(*log.table("finding").values(), strict=True):
+        values = dict(zip(log.table("finding"), row, strict=True))
+        state = "candidate" if values["state"] == "confirmed" else values["state"]
+        unconfirmed.append("finding", **{**values, "state": state})
+    drawn = recorded(unconfirmed, tmp_path)
+    words = [
+        str(text)
+        for path, entity in drawn.items()
+        for name in ("text", "labels", "names")
+        for cell in entity.get(name, {}).values()
+        for text in cell
+        if path != "mission/legend"
+    ]
+    assert [text for text in words if text.startswith("candidate ") and ": " in text]  # the pattern
+    assert not [text for text in words if re.search(r"\bfinding\b", text, re.IGNORECASE)]
+
+
+def test_list_of_events_never_shows_the_future(drawn: Entities, log: MissionLog) -> None:
+    event = log.table("event")
+    for step, (text,) in drawn["mission/events"]["text"].items():
+        assert step is not None
+        past = event["text"][event["step"] <= step][::-1]
+        assert [line.partition("** ")[2] for line in text.splitlines()] == past[: len(text.splitlines())].tolist()
 
 
 def test_phase_pattern_has_levels_in_decibels(drawn: Entities, log: MissionLog) -> None:

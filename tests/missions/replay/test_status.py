@@ -7,6 +7,8 @@ import numpy as np
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.wording import advice_of, kind_text
 from pdpatrol.missions.runner import Mission
 from tests.missions.replay.read_back import recorded
 from tests.missions.report.logs import add_finding
@@ -22,25 +24,31 @@ def log_of(*phases: Phase) -> MissionLog:
     return log
 
 
-def test_status_states_phase_and_current_findings(tmp_path: Path) -> None:
-    log = log_of(Phase("seek", 3), Phase("listen"))
+def test_story_states_phase_and_current_findings(tmp_path: Path) -> None:
+    log = log_of(Phase("seek", 3), Phase("listen"), Phase("listen"))
+    place_m = (*next(iter(log.meta["sites"].values()))[:2], 1.5)
     for step, state in ((4, "candidate"), (15, "dropped")):
-        add_finding(log, step, 3, state, (18.0, 5.0, 1.5), covariance_m2=np.diag([0.8, 0.04, 0.09]))
+        add_finding(log, step, 3, state, place_m, covariance_m2=np.diag([0.8, 0.04, 0.09]), possibly_two=True)
         add_finding(log, step, 4, "confirmed", (10.0, 15.0, 1.5))
     texts = {step: text for step, (text,) in recorded(log, tmp_path)["mission/status"]["text"].items()}
-    assert "### Approaches candidate 3" in texts[4]
-    assert "| **candidate 3** | 18.0, 5.0 | 1.5 m | 2.36 m | 17° |" in texts[4]
+    assert "### The robot approaches candidate 3" in texts[4]
+    assert "| **candidate 3** | near " in texts[4]
+    assert ", 1.5 m high | 2.36 m | 90 %, possibly two |" in texts[4]
     assert "candidate 3" not in texts[19]
-    assert "**finding 4**" in texts[19]
+    assert "| **finding 4** |" in texts[19]
 
 
-def test_outcome_states_site_and_kind(tmp_path: Path) -> None:
+def test_closing_card_states_what_where_which_kind_and_by_when(tmp_path: Path) -> None:
     log = log_of(Phase("return to dock"))
     site, place_m = next(iter(log.meta["sites"].items()))
     add_finding(log, 8, 3, "confirmed", place_m, covariance_m2=1e-4 * np.eye(3), confirmed_s=0.5)
     log.append("event", step=9, kind="end", number=0, subject="docked", text="mission over: docked")
     drawn = recorded(log, tmp_path)
     (text,) = drawn["mission/status"]["text"][9]
-    assert "### Mission over after 1 s: docked" in text
-    assert site.replace("_", "\\_") in text
-    assert drawn["world/findings/3"]["labels"][9][0].startswith(f"finding 3: {site}")
+    (finding,) = make_report(log, 0.0).findings
+    advice, when, _ = advice_of(finding)
+    assert text.startswith("### 1 discharge located")
+    for words in ("Finding 3", site.replace("_", "\\_"), kind_text(finding), when[1:], advice.action):
+        assert words in text
+    assert "The mission ended after 1 s: docked." in text
+    assert drawn["world/findings/3/label"]["labels"][9] == [f"3 {site.partition('/')[2]}"]

@@ -1,0 +1,64 @@
+"""Labels of equipment and waypoints on the plan, as many as fit."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dirmusic.arrays import FloatArray
+
+PLAN_HEIGHT_PX, CHARACTER_PX, LABEL_HEIGHT_PX, MARGIN_PX = 380.0, 7.5, 26.0, 12.0
+"""Height of the plan in a window of 1600 by 1000, and the size of its labels. Assumed; in smaller windows they may
+overlap."""
+
+PLAN_SHARE = 1.1
+"""Height of the plan over that of the yard, which is seen with a margin."""
+
+
+def pixel_m(bounds_m: ArrayLike) -> float:
+    """Return the size of a pixel of the plan, metres, for a yard from its south-west to its north-east corner."""
+    width_m, height_m = np.ptp(np.asarray(bounds_m), axis=0).tolist()
+    return PLAN_SHARE * max(width_m / 1.25, height_m) / PLAN_HEIGHT_PX
+
+
+def bay_of(name: str) -> str:
+    """Return the name of a piece up to its first number, which its neighbours of one bay share: `e01_qb1` to `e01`."""
+    numbered = re.match(r"\D*\d+", name)
+    return numbered.group() if numbered else name
+
+
+def equipment_labels(solids: Iterable[Mapping[str, Any]], pixel_size_m: float) -> dict[str, list[float]]:
+    """Return the places of one label per bay, x m, y m, z m, north of its pieces; the largest bays first."""
+    corners_m: dict[str, list[FloatArray]] = {}
+    volume_m3: dict[str, float] = {}
+    for solid in solids:
+        bay = bay_of(solid["name"].split("/")[1])
+        size_m, place_m = np.array(solid["size_m"]), np.array(solid["position_m"])
+        reach_m = np.hypot(*size_m[:2]) if solid["shape"] == "box" else size_m[0]
+        corners_m.setdefault(bay, []).extend([place_m[:2] - reach_m, place_m[:2] + reach_m])
+        volume_m3[bay] = volume_m3.get(bay, 0.0) + float(np.prod(np.maximum(size_m, 0.1)))
+    places: dict[str, list[float]] = {}
+    for bay in sorted(corners_m, key=lambda name: -volume_m3[name]):
+        low_m, high_m = np.min(corners_m[bay], axis=0), np.max(corners_m[bay], axis=0)
+        places[bay] = [0.5 * float(low_m[0] + high_m[0]), float(high_m[1]) + LABEL_HEIGHT_PX * pixel_size_m, 0.05]
+    return places
+
+
+def fitting(places: Mapping[str, Sequence[float]], pixel_size_m: float, taken: list[FloatArray]) -> list[str]:
+    """Return the labels that overlap none before them, in order, and add their boxes to those that are taken.
+
+    Args:
+        places: Places x m, y m, z m, each in the middle of the upper edge of its label.
+        pixel_size_m: Size of a pixel, metres.
+        taken: Boxes that are taken: x from, y from, x to, y to, metres.
+    """
+    kept: list[str] = []
+    for name, (x, y, _) in places.items():
+        half_m, height_m = 0.5 * (CHARACTER_PX * len(name) + MARGIN_PX) * pixel_size_m, LABEL_HEIGHT_PX * pixel_size_m
+        box = np.array([x - half_m, y - height_m, x + half_m, y])
+        if not any((box[:2] < other[2:]).all() and (other[:2] < box[2:]).all() for other in taken):
+            taken.append(box)
+            kept.append(name)
+    return kept

@@ -1,0 +1,62 @@
+"""Closing card of a mission: what was found, where, of which kind, and by when to act."""
+
+from typing import NamedTuple
+
+from pdpatrol.missions.report.records import FindingRecord, Report
+from pdpatrol.missions.report.wording import advice_of, existence_text, kind_text, site_text
+
+
+class ClosingRow(NamedTuple):
+    """One finding.
+
+    Attributes:
+        what: Number and probability that a source exists.
+        where: Most probable sites, and the size of the 95 % ellipse.
+        kind: Kind of discharge.
+        when: Time frame of the action.
+        action: Recommended action.
+    """
+
+    what: str
+    where: str
+    kind: str
+    when: str
+    action: str
+
+
+class ClosingCard(NamedTuple):
+    """What a reader needs at the end.
+
+    Attributes:
+        title: Number of findings.
+        rows: Findings.
+        remark: What was not confirmed, and how the mission ended.
+    """
+
+    title: str
+    rows: tuple[ClosingRow, ...]
+    remark: str
+
+
+def closing_card(report: Report) -> ClosingCard:
+    """Make the closing card of a mission."""
+    n_found = len(report.findings)
+    title = f"{n_found} discharge{'' if n_found == 1 else 's'} located" if n_found else "No discharge was confirmed"
+    n_outside = sum(candidate.state == "outside" for candidate in report.candidates)
+    n_open = len(report.candidates) - n_outside
+    remarks = [f"The {'mission' if report.policy else 'survey'} ended after {report.sim_time_s:.0f} s"]
+    remarks[0] += f": {report.ending or 'killed'}."
+    remarks += [f"Candidates that could not be confirmed: {n_open}."] * bool(n_open)
+    remarks += [f"Sources beyond the fence: {n_outside}."] * bool(n_outside)
+    return ClosingCard(title, tuple(_row(finding) for finding in report.findings), " ".join(remarks))
+
+
+def _row(finding: FindingRecord) -> ClosingRow:
+    advice, when, _ = advice_of(finding)
+    return ClosingRow(
+        what=f"Finding {finding.id}, exists {existence_text(finding)}",
+        where=f"{site_text(finding)}, 95 % within {finding.ellipse95.semi_major_m:.2f} m",
+        kind=kind_text(finding),
+        when=f"{when[:1].upper()}{when[1:]}",
+        action=advice.action,
+    )

@@ -1,0 +1,38 @@
+"""Labels of the plan."""
+
+import numpy as np
+
+from pdpatrol.missions.recording.labels import (
+    CHARACTER_PX,
+    LABEL_HEIGHT_PX,
+    MARGIN_PX,
+    bay_of,
+    equipment_labels,
+    fitting,
+)
+
+
+def test_labels_that_are_kept_do_not_overlap_and_none_is_dropped_without_need() -> None:
+    rng, pixel_size_m = np.random.default_rng(5), 0.1
+    places = {f"piece_{k}" + "x" * int(rng.integers(8)): [*rng.uniform(0.0, 60.0, 2), 0.0] for k in range(60)}
+    kept = fitting(places, pixel_size_m, [])
+    size_m = {name: pixel_size_m * np.array([CHARACTER_PX * len(name) + MARGIN_PX, LABEL_HEIGHT_PX]) for name in places}
+
+    def overlap(one: str, other: str) -> bool:
+        apart_m = np.abs(np.subtract(places[one], places[other])[:2])
+        return bool((apart_m < [0.5 * (size_m[one] + size_m[other])[0], size_m[one][1]]).all())
+
+    assert 5 < len(kept) < len(places)
+    assert not [(a, b) for a in kept for b in kept if a < b and overlap(a, b)]
+    for name in set(places) - set(kept):
+        assert any(overlap(name, other) for other in kept)
+
+
+def test_pieces_of_one_bay_share_a_label_at_their_middle() -> None:
+    assert [bay_of(name) for name in ("e01_qb1", "ct_2_a", "busbar_a")] == ["e01", "ct_2", "busbar_a"]
+    solids = [
+        {"name": f"equipment/e01_{part}", "shape": "cylinder", "size_m": [0.2, 1.0, 0.0], "position_m": [x, 5.0, 1.0]}
+        for part, x in (("qa1", 2.0), ("qb1", 6.0))
+    ]
+    (place,) = equipment_labels(solids, 0.1).values()
+    np.testing.assert_allclose(place[:2], [4.0, 5.2 + 0.1 * LABEL_HEIGHT_PX])
