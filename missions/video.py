@@ -2,8 +2,10 @@
 
 import shutil
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.closing_card import closing_card
 from pdpatrol.missions.report.figures import (
     BEARING,
     ROUTE,
@@ -28,13 +31,16 @@ from pdpatrol.missions.report.figures import (
     draw_waypoints,
     draw_yard,
 )
-from pdpatrol.missions.report.make_report import findings_at
+from pdpatrol.missions.report.make_report import findings_at, make_report
 from pdpatrol.missions.report.wording import phase_text, title_text
-from pdpatrol.robot_models.rendering import pictures_from_behind
+from pdpatrol.robot_models.rendering import View, pictures_from_behind, pictures_of
 from pdpatrol.robot_models.world import build_spec
 
 CLIP_S = 20.0
 """Duration of a film at its default pace."""
+
+OPENING_S, STILL_S, CARD_S = 1.5, 1.5, 4.0
+"""Durations of the view of the whole yard, of the last frame, and of the closing card in a film."""
 
 MAX_BEARINGS = 10
 """Largest number of bearings drawn at once."""
@@ -60,6 +66,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
     from imageio.v2 import get_writer  # an optional dependency
 
     kind, rate = path.suffix.lower(), 10
+    dpi = 75 if kind == ".gif" else 100
     frame_s = (pace or max(time_s[-1] / CLIP_S, 1.0)) / rate
     steps = np.append(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], frame_s)), time_s.size - 1)
     options: dict[str, Any] = {"duration": 1000 / rate, "loop": 0} if kind == ".gif" else {"fps": rate}
@@ -68,11 +75,15 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
         writer: Any
         try:
             with get_writer(file, **options) as writer:
-                frames = film_frames(log, steps, max(frame_s, 1.5), dpi=75 if kind == ".gif" else 100)
-                for number, image in enumerate(frames, start=1):
-                    for _ in range(1 if number < steps.size else 2 * rate):  # the last frame stays for 2 s
+                frames = film_frames(log, steps, max(frame_s, 1.5), dpi=dpi)
+                for number, image in enumerate(frames):
+                    shown_s = {0: OPENING_S, steps.size: STILL_S}.get(number, 1 / rate)
+                    for _ in range(round(shown_s * rate)):
                         writer.append_data(image)
                     progress(number / steps.size)
+                card = closing_frame(log, dpi=dpi)
+                for _ in range(round(CARD_S * rate)):
+                    writer.append_data(card)
         except RuntimeError as error:
             raise OSError(str(error)) from None
         with atomic_file(path) as temporary:
@@ -80,7 +91,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
 
 
 def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) -> Iterator[NDArray[np.uint8]]:
-    """Yield the pixels of each frame, shape (height, width, 3).
+    """Yield the pixels of each frame, shape (height, width, 3); the first shows the whole yard.
 
     Args:
         log: Log of a simulated mission.
@@ -98,16 +109,19 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
     camera.set_axis_off()
     draw_ground(plan, log.meta["bounds_m"])
     draw_yard(plan, scenario.yard)
-    draw_waypoints(plan, log.meta["route"])
+    draw_waypoints(plan, log.meta["route"], size_pt=9.0)
     table = log.table("step")
     pose, true_pose = table["pose"], table["true_pose"]
     # The camera follows the heading over about 4 s, without quick turns.
     view_rad = gaussian_filter1d(np.unwrap(true_pose[:, 2]), 2.0 / STEP_S, mode="nearest")
-    pictures = pictures_from_behind(
-        build_spec(scenario.robot.description, scenario.yard).compile(), true_pose[steps], view_rad[steps]
-    )
+    model = build_spec(scenario.robot.description, scenario.yard).compile()
+    model.joint("floating_base").qpos0[:2] = true_pose[steps[0], :2]
+    low_m, high_m = np.array(log.meta["bounds_m"])
+    middle_m = (*(0.5 * (low_m + high_m)).tolist(), 0.0)
+    whole = View(middle_m, *np.radians([-120.0, 32.0]).tolist(), 0.95 * float(np.hypot(*(high_m - low_m))))
+    pictures = chain(pictures_of(model, [whole]), pictures_from_behind(model, true_pose[steps], view_rad[steps]))
     moving: list[Any] = []
-    for step, picture in zip(steps.tolist(), pictures, strict=True):
+    for step, picture in zip([steps[0], *steps.tolist()], pictures, strict=True):
         for artist in moving:
             artist.remove()
         from_m, bearing_rad = latest_bearings(log, step, bearing_s)
@@ -127,6 +141,25 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
         figure.suptitle(title, fontsize=15, parse_math=False)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def closing_frame(log: MissionLog, dpi: int) -> NDArray[np.uint8]:
+    """Return the pixels of the closing card, shape (height, width, 3)."""
+    card = closing_card(make_report(log, 0.0))
+    figure = Figure(figsize=(12.8, 6.4), dpi=dpi, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
+    style: Any = {"color": "#1c2833", "parse_math": False, "va": "top"}
+    figure.text(0.06, 0.92, card.title, fontsize=30, fontweight="bold", **style)
+    top, rows = 0.76, card.rows[:4]
+    for row in rows:
+        figure.text(0.06, top, f"{row.what}: {row.kind}", fontsize=18, fontweight="bold", **style)
+        figure.text(0.06, top - 0.055, row.where, fontsize=16, **style)
+        figure.text(0.06, top - 0.105, fill(f"{row.when}: {row.action}", 115), fontsize=14, **style)
+        top -= 0.21
+    more = f"{len(card.rows) - len(rows)} more in the report. " * (len(card.rows) > len(rows))
+    figure.text(0.06, 0.06, f"{title_text(log.meta)}. {more}{card.remark}", fontsize=12, **style)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 def latest_bearings(log: MissionLog, step: int, max_age_s: float) -> tuple[FloatArray, FloatArray]:

@@ -23,6 +23,7 @@ def replay(
     *,
     row: Annotated[tyro.conf.UseAppendAction[tuple[int, ...]], tyro.conf.arg(metavar="NUMBER")] = (),
     web: bool = False,
+    port: Annotated[int | None, tyro.conf.arg(metavar="NUMBER"), Field(ge=1, le=65534)] = None,
     screenshot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
     at: Annotated[float | None, tyro.conf.arg(metavar="SECONDS"), Field(ge=0, allow_inf_nan=False)] = None,
     video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|FILE.gif")] = None,
@@ -37,10 +38,11 @@ def replay(
         row: Number of a mission in the dataset of a sweep, whose folder is given. The mission is run again, and its
             files are kept in that folder. May be given several times.
         web: Serve the recordings to a browser on this machine (127.0.0.1) instead.
+        port: Port of the page of --web; its data come from the next port. Default: two free ports.
         screenshot: Write a picture of the viewer instead, without opening it; no screen is needed.
         at: Simulated time that the picture shows. Default: the end.
-        video: Write a film instead: the robot as it drives, next to the plan at that time. MP4 needs ffmpeg, or the
-            extra `video`.
+        video: Write a film instead: the robot as it drives, next to the plan at that time, and what was found. MP4
+            needs ffmpeg, or the extra `video`.
         pace: Simulated seconds per second of the film. Default: the film lasts 20 s.
     """
     n_missions = max(len(row), len(folders))
@@ -57,6 +59,8 @@ def replay(
             refuse(f"{option} must be a new {' or '.join(endings)} file in an existing folder, got {file}")
     if at is not None and screenshot is None:
         refuse("--at needs --screenshot")
+    if port is not None and not web:
+        refuse("--port needs --web")
     if pace is not None and video is None:
         refuse("--pace needs --video")
     if row:
@@ -79,7 +83,7 @@ def replay(
             temporary.write_bytes(take_screenshot(recordings[0], end_s if at is None else at))
         out.print(f"Written: {screenshot}", soft_wrap=True)
     elif web:
-        serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
+        serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True), port)
     else:
         open_viewer(recordings)
 

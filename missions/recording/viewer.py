@@ -45,17 +45,22 @@ def open_viewer(recordings: Sequence[Path]) -> None:
         _wait(viewer)
 
 
-def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
+def serve(recordings: Sequence[Path], announce: Callable[[str], None], web_port: int | None = None) -> None:
     """Serve recordings to browsers on this machine until interrupted.
 
     Args:
         recordings: Recordings to serve.
         announce: Function called with the address when it can be opened.
+        web_port: Port of the page, whose data come from the next one; None for two free ports.
 
     Raises:
         OSError: If they cannot be served.
     """
-    port, web_port = _free_port(), _free_port()
+    if web_port is None:
+        port, web_port = _free_port(), _free_port()
+    else:
+        port = web_port + 1
+        _check_free(web_port, port)
     options = ("--serve-web", "--port", port, "--web-viewer-port", web_port)
     with _rerun(*options, *(path.resolve() for path in recordings)) as server:
         _retry(server, lambda: socket.create_connection((LOOPBACK, web_port), timeout=1.0).close())
@@ -79,6 +84,7 @@ def take_screenshot(recording: Path, at_s: float) -> bytes:
         started_s = time.monotonic()
         try:
             client.open(str(recording.resolve()))
+            client.run_command("ui.toggle_top_panel")  # menus, and warnings about the machine
             client.set_time("sim_time", duration=at_s, play_state="paused")
             before, picture = b"", client.take_screenshot()
             # notifications cover the views for 7 s; after that, wait until nothing moves
@@ -176,6 +182,23 @@ def _retry(process: subprocess.Popen[str], attempt: Callable[[], Any]) -> Any:  
 
 def _address(port: int) -> str:
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
+def _check_free(*ports: int) -> None:
+    """Check that nothing listens on ports of this machine.
+
+    Raises:
+        OSError: If one is in use or reserved.
+    """
+    for port in ports:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # those of ended connections are free
+            try:
+                probe.bind((LOOPBACK, port))
+            except OSError as error:
+                raise OSError(
+                    f"port {port} cannot be used ({error.strerror}); choose another one with --port"
+                ) from None
 
 
 def _free_port() -> int:

@@ -233,9 +233,18 @@ def draw_legend(axes: Axes) -> None:
     axes.figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
 
 
-def draw_waypoints(axes: Axes, route: Mapping[str, Any]) -> None:
-    """Draw dock and numbered waypoints."""
+def draw_waypoints(axes: Axes, route: Mapping[str, Any], size_pt: float = 6.0) -> None:
+    """Draw dock and waypoints, with numbers of a font size."""
     axes.plot(*route["dock_m"], "s", color=ROUTE, markersize=7, label="dock", zorder=5)
     for number, (x, y) in enumerate(route["waypoints_m"], start=1):
-        axes.plot(x, y, "o", color="white", markeredgecolor=ROUTE, markersize=9.5, label="waypoint, in order", zorder=5)
-        axes.text(x, y, str(number), fontsize=6, ha="center", va="center_baseline", color=ROUTE, zorder=5.5)
+        axes.plot(
+            x,
+            y,
+            "o",
+            color="white",
+            markeredgecolor=ROUTE,
+            markersize=1.6 * size_pt,
+            label="waypoint, in order",
+            zorder=5,
+        )
+        axes.text(x, y, str(number), fontsize=size_pt, ha="center", va="center_baseline", color=ROUTE, zorder=5.5)

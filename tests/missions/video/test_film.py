@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.video import MAX_BEARINGS, latest_bearings, write_film
+from pdpatrol.missions.video import CARD_S, MAX_BEARINGS, OPENING_S, STILL_S, latest_bearings, write_film
 from pdpatrol.robot_models.rendering import make_renderer
 from tests.missions.replay.short_mission import copy_of, short_mission
 from tests.processes import pdpatrol
@@ -46,7 +46,9 @@ def test_film_shows_no_bearing_before_its_time(log: MissionLog) -> None:
 @pytest.mark.skipif(find_spec("imageio") is None, reason="imageio is not installed")
 @pytest.mark.filterwarnings("default")  # imageio leaves a pipe open
 @pytest.mark.parametrize("kind", ["gif", "mp4"])
-def test_film_moves_and_ends_on_its_last_frame(kind: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_film_moves_between_opening_view_and_closing_card(
+    kind: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without a screen, the command chooses a renderer that needs none."""
     from imageio.v3 import immeta, imread
 
@@ -61,10 +63,13 @@ def test_film_moves_and_ends_on_its_last_frame(kind: str, folder: Path, monkeypa
     pictures = imread(film, index=None).astype(float) if kind == "gif" else imread(film).astype(float)
     assert pictures.shape[1:] == ((480, 960, 3) if kind == "gif" else (640, 1280, 3))
     if kind == "mp4":
-        assert immeta(film)["duration"] == pytest.approx(END_S / 3 + 2.0, abs=0.4)
+        assert immeta(film)["duration"] == pytest.approx(END_S / 3 + OPENING_S + STILL_S + CARD_S, abs=0.4)
     height, width = pictures.shape[1:3]
     for half in (slice(0, width // 2), slice(width // 2, width)):
-        first, last = (picture[height // 8 : -height // 8, half] for picture in (pictures[0], pictures[-1]))
+        start, end = round(OPENING_S * 10) + 1, -round(CARD_S * 10) - 1  # without the opening view and the card
+        if kind == "gif":  # equal frames are one
+            start, end = 1, -2
+        first, last = (picture[height // 8 : -height // 8, half] for picture in (pictures[start], pictures[end]))
         assert np.ptp(first) > 100  # not blank
         assert (np.abs(first - last).max(axis=-1) > 30).mean() > 0.005
     assert {path.name for path in folder.iterdir()} == {"log.npz"}
