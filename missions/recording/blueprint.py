@@ -70,7 +70,7 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
         row_shares=[11, 2.5, 7],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(views, texts, column_shares=[10, 3]),
+        rrb.Horizontal(views, texts, column_shares=[10, 3.4]),
         rrb.TimePanel(
             state="collapsed",
             timeline="sim_time",

@@ -42,7 +42,7 @@ class Palette(NamedTuple):
     odometry: int = 0x6E8273FF
     zone: int = 0xB07400FF
     truth: int = 0xD81BA8FF
-    findings: tuple[int, ...] = (0x1E9A50FF, 0xD6453AFF, 0x8A5CD6FF, 0x9A6A34FF, 0xD0508FFF, 0x4E7D1EFF, 0x5566C8FF)
+    findings: tuple[int, ...] = (0x1E9A50FF, 0xD6453AFF, 0x8A5CD6FF, 0x9A6A34FF, 0xD0508FFF, 0x00737FFF)
 
     def of_finding(self, number: int) -> int:
         """Return the colour of a candidate or finding, the same in every view."""

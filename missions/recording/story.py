@@ -45,7 +45,7 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
     table = findings_at(part.log, part.end, "candidate", "confirmed", "outside")
     lines = [f"### The robot {doing}", ""]
     if table["id"].size:
-        lines += ["| | where | 95 % within | exists |", "|---|---|---|---|"]
+        lines += ["| | where | within | exists |", "|---|---|---|---|"]
     else:
         lines += ["Nothing has been detected at a definite place yet."]
     for row in range(table["id"].size)[-8:]:
@@ -59,13 +59,13 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
 
 
 def _place_text(log: MissionLog, position_m: np.ndarray, size_m: float) -> str:
-    """Return the piece of equipment near a position if it is known well enough, and the height; else x and y."""
+    """Return the piece of equipment near a position if it is known well enough; else x and y."""
     sites = log.meta.get("sites", {})
     distances_m = {name: float(np.hypot(*(position_m[:2] - place_m[:2]))) for name, place_m in sites.items()}
     nearest = min(distances_m, key=lambda name: distances_m[name], default=None)
     if nearest is None or max(size_m, distances_m[nearest]) > NEAR_M:
         return f"around ({position_m[0]:.0f}, {position_m[1]:.0f}) m"
-    return f"near {nearest.partition('/')[0]}, {position_m[2]:.1f} m high"
+    return f"near {nearest.partition('/')[0]}"
 
 
 def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:

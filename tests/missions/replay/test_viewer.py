@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import time
 import urllib.request
@@ -94,6 +95,17 @@ def test_web_viewer_listens_on_this_machine_alone(missions: Path) -> None:
         assert len(end(process).splitlines()) <= 1  # nothing from Rerun
 
 
+def test_web_viewer_uses_the_requested_port_or_refuses_it(missions: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with started("replay", "zero", "--web", "--port", str(port), cwd=missions) as process:
+        assert read_address(process) == f"http://127.0.0.1:{port}/?url=rerun%2Bhttp://127.0.0.1:{port + 1}/proxy"
+        done = pdpatrol("replay", "zero", "--web", "--port", port, cwd=missions)
+    assert done.returncode == 1
+    assert done.stderr == f"port {port} cannot be used (Address already in use); choose another one with --port\n"
+
+
 @NEEDS_SCREEN
 @pytest.mark.filterwarnings("default")  # psutil leaves files open if a process ends while it is inspected
 @pytest.mark.parametrize("verb", ["replay", "run"])
@@ -129,6 +141,7 @@ def test_screenshot_shows_the_requested_time(missions: Path) -> None:
         (["zero", "--screenshot", "a.jpg"], "--screenshot"),
         (["zero", "--screenshot", "zero/log.npz.png"], "--screenshot"),
         (["zero", "--at", "3"], "--at"),
+        (["zero", "--port", "9876"], "--port"),
         (["zero", "eins und zwei", "--row", "1"], "--row"),
         (["zero", "--video", "a.gif", "--pace", "0"], "--pace"),
         ([], "DIR"),
