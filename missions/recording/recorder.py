@@ -71,6 +71,7 @@ class Recorder:
         report = make_report(self._log, 0.0) if is_over else None
         if report:
             draw_phase_patterns(self.stream, self._log, report)
+            self.stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
         self.stream.flush()
         draw_motion(self.stream, whole)
         draw_bearing_plot(self.stream, whole)
@@ -82,7 +83,6 @@ class Recorder:
             self._draw_bin(max(n_steps, 1))  # without steps, events refer to step 0
             set_step(self.stream, self._log, self._log.last_step)
             draw_outcome(self.stream, report)
-            self.stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
         self.stream.flush()
 
     def _rows_until(self, end: int) -> LogBin:
