@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from pdpatrol.missions.report.records import FindingRecord, Report
-from pdpatrol.missions.report.wording import advice_of, existence_text, kind_text, site_text
+from pdpatrol.missions.report.wording import existence_text, kind_text, site_text
 
 
 class ClosingRow(NamedTuple):
@@ -13,7 +13,7 @@ class ClosingRow(NamedTuple):
         what: Number and probability that a source exists.
         where: Most probable sites, and the size of the 95 % ellipse.
         kind: Kind of discharge.
-        when: Time frame of the action.
+        when: Class of severity, and the date or time by which to act.
         action: Recommended action.
     """
 
@@ -52,11 +52,13 @@ def closing_card(report: Report) -> ClosingCard:
 
 
 def _row(finding: FindingRecord) -> ClosingRow:
-    advice, when, _ = advice_of(finding)
+    advice = finding.assessment
+    assert advice is not None  # of a confirmed finding
+    due = f"by {advice.due}" if advice.due else f"within {advice.within_days} days"
     return ClosingRow(
         what=f"Finding {finding.id}, exists {existence_text(finding)}",
         where=f"{site_text(finding)}, 95 % within {finding.ellipse95.semi_major_m:.2f} m",
         kind=kind_text(finding),
-        when=f"{when[:1].upper()}{when[1:]}",
+        when=f"Severity {advice.severity}, act {due}",
         action=advice.action,
     )

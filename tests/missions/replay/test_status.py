@@ -8,7 +8,7 @@ from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.wording import advice_of, kind_text
+from pdpatrol.missions.report.wording import kind_text
 from pdpatrol.missions.runner import Mission
 from tests.missions.replay.read_back import recorded
 from tests.missions.report.logs import add_finding
@@ -46,9 +46,16 @@ def test_closing_card_states_what_where_which_kind_and_by_when(tmp_path: Path) -
     drawn = recorded(log, tmp_path)
     (text,) = drawn["mission/status"]["text"][9]
     (finding,) = make_report(log, 0.0).findings
-    advice, when, _ = advice_of(finding)
+    advice = finding.assessment
+    assert advice is not None
     assert text.startswith("### 1 discharge located")
-    for words in ("Finding 3", site.replace("_", "\\_"), kind_text(finding), when[1:], advice.action):
+    for words in (
+        "Finding 3",
+        site.replace("_", "\\_"),
+        kind_text(finding),
+        f"within {advice.within_days} days",
+        advice.action,
+    ):
         assert words in text
     assert "The mission ended after 1 s: docked." in text
     assert drawn["world/findings/3/label"]["labels"][9] == [f"3 {site.partition('/')[2]}"]
