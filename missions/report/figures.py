@@ -153,7 +153,7 @@ def draw_yard(axes: Axes, yard: Yard) -> None:
     axes.add_patch(Polygon(yard.fence.corners_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
     size_pt, outline = 7.0 if len(yard.equipment) <= 14 else 5.5, [withStroke(linewidth=2.2, foreground="white")]
     style = {"fontsize": size_pt, "color": "#333d47", "path_effects": outline, "clip_on": True, "zorder": 6}
-    style["transform"] = offset_copy(axes.transData, axes.figure, y=-NAME_BELOW_PT, units="points")
+    style["transform"] = offset_copy(axes.transData, axes.get_figure(root=True), y=-NAME_BELOW_PT, units="points")
     for item in yard.equipment:
         low_m, high_m = item.solids.extent_m
         axes.text(0.5 * (low_m[0] + high_m[0]), low_m[1], item.name, ha="center", va="top", **style)
@@ -217,14 +217,12 @@ def move_labels_apart(figure: Figure) -> None:
         if not isinstance(label, Annotation):
             continue
         own = label.xyann
-        for place in (own, *LABEL_PLACES_PT):
+        for place in (own, *LABEL_PLACES_PT, own):
             label.xyann = place
             box = label.get_window_extent().padded(LABEL_PAD_PX)
             if not any(box.overlaps(other) for other in taken):
                 break
-        else:
-            label.xyann = own
-        taken.append(box)
+        taken.append(label.get_window_extent().padded(LABEL_PAD_PX))
 
 
 def draw_legend(axes: Axes) -> None:

@@ -113,7 +113,7 @@ def _events(events: dict[str, NDArray[Any]], *kinds: EventKind, column: str = "t
 
 def _charges(events: dict[str, NDArray[Any]], step: dict[str, NDArray[Any]]) -> tuple[Charge, ...]:
     """Return the charges of the battery, one for each event of kind `returns to charge`."""
-    charges = list[dict[str, float | None]]()
+    charges = list[dict[str, Any]]()
     for kind, row in zip(events["kind"].tolist(), events["step"].tolist(), strict=True):
         if kind == "returns to charge":
             unknown = dict.fromkeys(("arrived_s", "battery_left", "continued_s"))

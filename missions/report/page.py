@@ -75,7 +75,9 @@ def report_page(log: MissionLog, report: Report) -> str:
         has_map="scenario" in log.meta,
         summary=summary_text(report),
         battery=battery_text(report),
-        urgent_first=sorted(report.findings, key=lambda finding: finding.assessment.within_days),
+        urgent_first=sorted(
+            report.findings, key=lambda finding: finding.assessment.within_days if finding.assessment else 0
+        ),
         severity=severity,
         ranks=severity_ranks(severity),
         plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),
