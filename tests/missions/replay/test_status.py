@@ -53,7 +53,7 @@ def test_closing_card_states_what_where_which_kind_and_by_when(tmp_path: Path) -
         "Finding 3",
         site.replace("_", "\\_"),
         kind_text(finding),
-        f"within {advice.within_days} days",
+        f"act by {advice.due}" if advice.due else f"act within {advice.within_days} days",
         advice.action,
     ):
         assert words in text
