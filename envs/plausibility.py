@@ -27,11 +27,11 @@ def plausibility(scenario: Scenario) -> Iterator[str]:
     if doubt := turning_doubt(scenario.robot.description):
         yield f"robot.model: {scenario.robot.model}: {doubt}"
     time_limit_s, room_m = scenario.task.time_limit_s, scenario.robot.description.room_m
-    for i, source in enumerate(scenario.grown_sources):
+    for source in scenario.grown_sources:
         start_s, end_s = source.active_s or (0.0, inf)
         start_s = max(start_s, source.first_shot_s if source.n_shots is not None else 0.0)
         if source.max_pulse_rate_hz == 0.0 or start_s >= min(end_s, time_limit_s):
-            yield f"sources.{i}: `{source.name}` does not discharge within the mission"
+            yield f'sources "{source.name}": does not discharge within the mission'
             continue
         places = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
         places = places or [source.position_m or (0.0, 0.0, source.anywhere_at_m)]
@@ -42,6 +42,6 @@ def plausibility(scenario: Scenario) -> Iterator[str]:
         level_db = 20 * np.log10(peak_v / range_m / receiver.threshold_v) + drift_db
         if level_db < -REFLECTION_MARGIN_DB:
             yield (
-                f"sources.{i}: `{source.name}` cannot be detected: below it, {range_m:.1f} m away, its strongest pulse "
+                f'sources "{source.name}": cannot be detected: below it, {range_m:.1f} m away, its strongest pulse '
                 f"is {-level_db:.0f} dB below the trigger level"
             )

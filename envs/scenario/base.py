@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import date
 from difflib import get_close_matches
 from pathlib import Path
@@ -33,6 +33,9 @@ MAX_ERRORS_SHOWN = 50
 
 DayAsText = BeforeValidator(lambda value: value.isoformat()[:10] if isinstance(value, date) else value)
 """Conversion of TOML dates to text, as in logs and reports."""
+
+IS_NAME = re.compile(rf"[\w-]{{1,{MOST_LETTERS}}}")
+"""Pattern of names by which errors call items; other texts are no names, or would not be readable."""
 
 Day = Annotated[
     str,
@@ -77,16 +80,41 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputFileError([f"{path}: is not valid TOML: {error}"]) from None
 
 
-def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
+def error_lines(error: ValidationError, model: type[BaseModel], data: object = None) -> list[str]:
     """Format validation errors as lines of the form `key: message`.
 
     Args:
         error: Errors that pydantic found.
         model: Model that was validated; the closest of its keys is suggested for an unknown key.
+        data: Data that was validated, from which items of arrays are named.
     """
-    lines = [on_one_line(line) for item in error.errors() for line in _lines_of(item, model)]
+    lines = [on_one_line(with_names(line, data)) for item in error.errors() for line in _lines_of(item, model)]
     n_more = len(lines) - MAX_ERRORS_SHOWN
     return [*lines[:MAX_ERRORS_SHOWN], f"{n_more} more errors"] if n_more > 0 else lines
+
+
+def with_names(line: str, data: object) -> str:
+    """Replace indices in the key of an error by names: `yard.equipment.2` by `yard.equipment "T1"`.
+
+    An index is kept where the item has no name, or shares it with another item.
+
+    Args:
+        line: `key: message`.
+        data: Data in which the key is.
+    """
+    key, colon, message = line.partition(": ")
+    parts = list[str]()
+    for part in key.split("."):
+        if isinstance(data, list | tuple) and part.isdecimal() and int(part) < len(data):
+            names = [item.get("name") if isinstance(item, Mapping) else None for item in data]
+            name, data = names[int(part)], data[int(part)]
+            if parts and isinstance(name, str) and IS_NAME.fullmatch(name) and names.count(name) == 1:
+                parts[-1] += f' "{name}"'
+                continue
+        else:
+            data = data.get(part) if isinstance(data, Mapping) else None
+        parts.append(part)
+    return f"{'.'.join(parts)}{colon}{message}"
 
 
 def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN401 - an error dictionary of pydantic
@@ -124,6 +152,12 @@ def _all_keys(model: type[BaseModel]) -> list[str]:
 def known_names(names: tuple[str, ...], wanted: str) -> str:
     """List the names closest to a wrong one, or the first few if none is close."""
     return ", ".join(get_close_matches(wanted, names, n=3) or names[:12]) or "none"
+
+
+def meant(names: Iterable[str], wanted: str) -> str:
+    """Return `; did you mean NAME?` with the name closest to a wrong one, or nothing if none is close."""
+    near = get_close_matches(wanted, names, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def on_one_line(text: str) -> str:

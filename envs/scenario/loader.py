@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, read_toml
+from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, meant, read_toml
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite
 
@@ -76,9 +76,8 @@ def _path_of(scenario: str | Path) -> Path:
         return path
     known = shipped_scenarios()
     if scenario not in known:
-        raise ScenarioError(
-            [f"{scenario}: no such scenario; available: {', '.join(known)}, or give a path ending in .toml"]
-        )
+        hint = meant(known, str(scenario)) or f"; available: {', '.join(known)}, or give a path ending in .toml"
+        raise ScenarioError([f"{scenario}: no such scenario{hint}"])
     return SHIPPED / f"{scenario}.toml"
 
 
@@ -108,7 +107,7 @@ def restore_scenario(data: Mapping[str, Any], place: str = "") -> Scenario:
     try:
         return Scenario.model_validate(as_tuples(data))
     except ValidationError as error:
-        raise ScenarioError([f"{place}{line}" for line in error_lines(error, Scenario)]) from None
+        raise ScenarioError([f"{place}{line}" for line in error_lines(error, Scenario, data)]) from None
 
 
 def schema_text() -> str:

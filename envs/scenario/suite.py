@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdpatrol.envs.scenario.base import ScenarioError
+from pdpatrol.envs.scenario.base import ScenarioError, meant
 
 SUITE = Path(__file__).parents[1] / "scenarios" / "suite"
 
@@ -104,10 +104,10 @@ def choose_yards(name: str) -> tuple[SuiteYard, ...]:
         or (yard.part == part and not levels and yard.level not in suite.sites)
     )
     if not chosen:
-        known = ", ".join(f"suite/{level}" for level in suite.levels)
-        raise ScenarioError(
-            [f"{name}: no such part of the suite; available: suite, suite/test, {known}, suite/open_01 and so on"]
-        )
+        known = [f"suite/{level}" for level in suite.levels]
+        hint = meant([*known, *(yard.name for yard in suite.yards)], name)
+        hint = hint or f"; available: suite, suite/test, {', '.join(known)}, suite/open_01 and so on"
+        raise ScenarioError([f"{name}: no such part of the suite{hint}"])
     return chosen
 
 

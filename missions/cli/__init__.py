@@ -7,28 +7,38 @@ from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import version
 
-from pdpatrol.missions.cli.process import USAGE_ERROR, command_process
+from pdpatrol.missions.cli.process import USAGE_ERROR, command_process, print_error, wrapped
 
 __all__ = ["main"]
 
-VERBS = {
-    "run": "run one mission and write its log, report and recording",
-    "generate": "draw a substation and write it as a scenario file",
-    "import": "make a scenario from a map of OpenStreetMap",
-    "plan": "plan a patrol that covers every site of a yard",
-    "replay": "open recordings in the Rerun viewer, or make a film",
-    "report": "write the report of a mission again from its log",
-    "scenarios": "list the shipped scenarios, or check a file",
-    "reproduce": "compare every exhibit of the Dir-MUSIC paper with ours",
-    "locate": "locate discharges in field data",
-    "gap": "compare a recording with the simulation of the same drive",
-    "calibrate": "learn the pattern of an antenna from turns on the spot",
-    "trend": "compare repeated inspections of one yard",
-    "export": "write a mission as CSV, GeoJSON, Parquet and MCAP, or a yard as GeoJSON",
-    "sweep": "run many missions in parallel",
-    "results": "summarise the results of sweeps",
+GROUPS = {
+    "Missions": {
+        "run": "run one mission and write its log, report and recording",
+        "replay": "open recordings in the Rerun viewer, or make a film",
+        "report": "write the report of a mission again from its log",
+        "export": "convert a mission to CSV, GeoJSON, Parquet and MCAP, or a yard to GeoJSON",
+        "trend": "compare repeated inspections of one yard",
+    },
+    "Scenarios": {
+        "scenarios": "list the shipped scenarios, or check and draw a file",
+        "generate": "draw a substation and write it as a scenario file",
+        "import": "make a scenario from a map of a substation",
+        "plan": "plan a patrol that covers every site of a yard",
+    },
+    "Field data": {
+        "locate": "locate discharges in field data",
+        "calibrate": "learn the pattern of an antenna from turns on the spot",
+        "gap": "compare a recording with the simulation of the same drive",
+    },
+    "Studies": {
+        "sweep": "run many missions in parallel",
+        "results": "summarise the results of sweeps",
+        "reproduce": "compare every exhibit of the Dir-MUSIC paper with ours",
+    },
 }
-"""Verbs and their help texts; each verb is a function in a module, both with the name that `module_of` returns."""
+"""Verbs and their help texts, by group; each verb is a function in a module, both named by `module_of`."""
+
+VERBS = tuple(verb for verbs in GROUPS.values() for verb in verbs)
 
 
 def main() -> None:
@@ -42,7 +52,7 @@ def main() -> None:
         elif verb not in VERBS:
             matches = get_close_matches(verb, VERBS, n=1)
             meant = f"; did you mean {matches[0]}?" if matches else ""
-            sys.stderr.write(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}\n")
+            print_error(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}")
             sys.exit(USAGE_ERROR)
         else:
             draws = verb in ("run", "locate", "report") or any(word.startswith("--video") for word in arguments)
@@ -60,13 +70,16 @@ def module_of(verb: str) -> str:
 
 
 def _help() -> str:
-    verbs = "\n".join(f"  {verb:<11}{text}" for verb, text in VERBS.items())
-    return f"""usage: pdpatrol VERB [OPTIONS]
-
-A simulated inspection robot that finds partial discharges in a substation.
-
-{verbs}
-
-  --help     show this text; pdpatrol VERB --help lists the options of a verb
-  --version  show the version
-"""
+    lines = [
+        "usage: pdpatrol VERB [OPTIONS]",
+        "",
+        "A simulated inspection robot that finds partial discharges in a substation.",
+    ]
+    for group, verbs in GROUPS.items():
+        lines += ["", f"{group}:", *(f"  {verb:<11}{text}" for verb, text in verbs.items())]
+    lines += [
+        "",
+        "  --help     show this text; pdpatrol VERB --help lists the options of a verb",
+        "  --version  show the version",
+    ]
+    return "".join(f"{wrapped(line, hanging=13 if line.startswith('  ') else 0)}\n" for line in lines)

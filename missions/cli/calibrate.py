@@ -9,7 +9,8 @@ from pydantic import Field
 
 from dirmusic.array.level_calibration import LearnedPattern
 from pdpatrol.missions.atomic_file import write_text
-from pdpatrol.missions.cli.terminal import out
+from pdpatrol.missions.cli.arguments import Flag
+from pdpatrol.missions.cli.terminal import say
 from pdpatrol.missions.field.turns import learn_from_turns
 
 Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -19,9 +20,9 @@ def calibrate(
     turns: Annotated[Path, tyro.conf.arg(metavar="TURNS.csv")],
     /,
     *,
-    source_m: tuple[float, float],
-    boresights_deg: tuple[Degrees, ...] = (0.0,),
-    is_passive: Annotated[bool, tyro.conf.arg(name="passive")] = False,
+    source_m: Annotated[tuple[float, float], tyro.conf.arg(metavar="X Y")],
+    boresights_deg: Annotated[tuple[Degrees, ...], tyro.conf.arg(metavar="DEGREES [DEGREES ...]")] = (0.0,),
+    is_passive: Annotated[Flag, tyro.conf.arg(name="passive")] = False,
     out_file: Annotated[Path, tyro.conf.arg(name="out", metavar="FILE")] = Path("pattern.csv"),
 ) -> None:
     """Learn the common pattern of all channels from turns on the spot, and write it for `locate --pattern`.
@@ -41,12 +42,12 @@ def calibrate(
     write_text(out_file, _text(learned, n_turns))
     strongest = int(np.argmax(learned.gain_db))
     missing = int(np.sum(~learned.is_measured))
-    out.print(
+    say(
         f"{out_file}: {n_turns} turns, strongest at {np.degrees(learned.off_boresight_rad[strongest]):.0f} degrees, "
         f"{np.ptp(learned.gain_db):.1f} dB above the weakest direction; turns differ by {learned.spread_db:.1f} dB"
     )
     if missing:
-        out.print(f"{missing} of {learned.gain_db.size} directions have no levels and are interpolated", style="yellow")
+        say(f"{missing} of {learned.gain_db.size} directions have no levels and are interpolated", style="yellow")
 
 
 def _text(learned: LearnedPattern, n_turns: int) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from pdpatrol.missions.cli.process import deferred_signals
-from pdpatrol.missions.cli.terminal import fail, note
+from pdpatrol.missions.cli.terminal import fail, note, say
 from pdpatrol.missions.field.follow import SurveyFollower
 from pdpatrol.missions.field.line_sources import open_source
 from pdpatrol.missions.field.survey import SurveyOptions
@@ -47,7 +47,7 @@ def follow_survey(
 
     def show() -> None:
         for text in follower.news():
-            console.print(text, soft_wrap=True)
+            say(text, console)
         if viewer and follower.locator:
             viewer.update(follower.locator.log)
 
@@ -72,7 +72,5 @@ def follow_survey(
             viewer.update(follower.locator.finish())
     if not follower.n_records:
         fail(f"{source}: no record was received")
-    console.print(
-        f"{follower.n_records - n_stored} records received, each located within {longest_s:.2f} s", soft_wrap=True
-    )
+    say(f"{follower.n_records - n_stored} records received, each located within {longest_s:.2f} s", console)
     return follower

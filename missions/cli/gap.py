@@ -9,9 +9,9 @@ import tyro
 
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder, optional
 from pdpatrol.missions.cli.locate import read_survey
-from pdpatrol.missions.cli.terminal import err, note, out, output_folder, print_written, progress_bar
+from pdpatrol.missions.cli.terminal import err, note, out, output_folder, print_written, progress_bar, say
 from pdpatrol.missions.field.gap.compare import compare, fitted_scenario, survey_of
 from pdpatrol.missions.field.gap.output import as_json, draw_gap, gap_table
 from pdpatrol.missions.field.survey import Heading, Positive
@@ -23,8 +23,8 @@ def gap(
     *,
     yard: Annotated[Path, tyro.conf.arg(metavar="FILE.toml")],
     heading: Heading = "counterclockwise",
-    noise_v: Positive | None = None,
-    gate_ns: Positive = 4.5,
+    noise_v: Annotated[Positive | None, optional("VOLTS")] = None,
+    gate_ns: Annotated[Positive, tyro.conf.arg(metavar="NANOSECONDS")] = 4.5,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
 ) -> None:
@@ -60,5 +60,5 @@ def gap(
         out.print_json(data=as_json(found))
         return
     out.print(gap_table(found))
-    out.print("Intervals are 3 standard deviations on each side.")
+    say("Intervals are 3 standard deviations on each side.")
     print_written(folder, "gap.json", "gap.png", "fitted.toml")

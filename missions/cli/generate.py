@@ -11,7 +11,8 @@ from pdpatrol.envs.substation.schemes import Scheme
 from pdpatrol.envs.substation.substation import SubstationParameters, draw_substation
 from pdpatrol.envs.substation.substation_file import substation_text
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.terminal import out, refuse
+from pdpatrol.missions.cli.arguments import Flag
+from pdpatrol.missions.cli.terminal import refuse, say
 from pdpatrol.missions.report.substation_picture import draw_substation_picture
 from pdpatrol.robot_models.equipment.voltages import Kv
 
@@ -24,7 +25,7 @@ def generate(
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0,
     sources: Annotated[int, Field(ge=0, le=64)] = 1,
     out_file: Annotated[Path, tyro.conf.arg(name="out", metavar="SITE.toml")] = Path("site.toml"),
-    picture: bool = False,
+    picture: Flag = False,
 ) -> None:
     """Draw a substation and write it as a scenario file, with a patrol route on its roads.
 
@@ -51,4 +52,4 @@ def generate(
             draw_substation_picture(substation, temporary)
     counts = f"{len(scenario.yard.equipment)} pieces, {len(scenario.yard.site_names())} sites"
     x_m, y_m = substation.size_m
-    out.print(f"{out_file}: {x_m:g} x {y_m:g} m, {counts}, route of {substation.route_length_m:.0f} m", soft_wrap=True)
+    say(f"{out_file}: {x_m:g} x {y_m:g} m, {counts}, route of {substation.route_length_m:.0f} m")

@@ -7,7 +7,8 @@ import tyro
 
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.terminal import note, out, refuse
+from pdpatrol.missions.cli.arguments import Flag, optional
+from pdpatrol.missions.cli.terminal import note, refuse, say
 from pdpatrol.missions.report.substation_picture import draw_site_picture
 from pdpatrol.missions.site_map_files import site_scenario
 
@@ -16,9 +17,9 @@ def import_site(
     site: Annotated[Path, tyro.conf.arg(metavar="SITE.geojson|SITE.dxf")],
     /,
     *,
-    mapping: Annotated[Path | None, tyro.conf.arg(metavar="MAPPING.toml")] = None,
-    out_file: Annotated[Path | None, tyro.conf.arg(name="out", metavar="SITE.toml")] = None,
-    picture: bool = False,
+    mapping: Annotated[Path | None, optional("MAPPING.toml")] = None,
+    out_file: Annotated[Path | None, optional("SITE.toml", "out")] = None,
+    picture: Flag = False,
 ) -> None:
     """Make a scenario from a map of a substation, and list the features that were left out.
 
@@ -47,7 +48,7 @@ def import_site(
         with atomic_file(png) as temporary:
             draw_site_picture(yard, [scenario.route.dock_m], site.name, temporary)
     counts = f"{len(yard.equipment)} pieces, {len(yard.site_names())} sites, {len(notes)} notes"
-    out.print(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {counts}", soft_wrap=True)
+    say(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {counts}")
 
 
 import_site.__name__ = "import"  # the verb, which is not a name in Python

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 from pydantic import Field
 
-from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.arguments import Flag, JsonOutput, OutFolder, optional
 from pdpatrol.missions.cli.follow_survey import follow_survey, title_of
 from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
 from pdpatrol.missions.cli.terminal import continued_folder, err, note, out, output_folder, progress_bar, refuse
@@ -23,12 +23,12 @@ def locate(
     /,
     *,
     survey: Annotated[SurveyOptions, tyro.conf.arg(name="")],
-    follow: bool = False,
-    idle_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS"), Field(gt=0, allow_inf_nan=False)] = None,
-    live: bool = False,
+    follow: Flag = False,
+    idle_s: Annotated[float | None, optional("SECONDS"), Field(gt=0, allow_inf_nan=False)] = None,
+    live: Flag = False,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
-    timing: bool = False,
+    timing: Flag = False,
 ) -> None:
     """Locate discharges in field data, and write the log, report and recording as for a mission.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import tomlkit
 
 from pdpatrol.missions.atomic_file import write_text
-from pdpatrol.missions.cli.terminal import err, note, out, print_written
+from pdpatrol.missions.cli.terminal import err, note, out, print_written, say
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
@@ -66,7 +66,10 @@ def write_report(log: MissionLog, folder: Path) -> Report:
 
 def print_findings(report: Report) -> None:
     """Print findings, or a summary without findings, and candidates."""
-    out.print(findings_table(report) if report.findings else summary_text(report), soft_wrap=not report.findings)
+    if report.findings:
+        out.print(findings_table(report))
+    else:
+        say(summary_text(report))
     if report.candidates:
         out.print(candidates_table(report))
 
@@ -76,7 +79,7 @@ def print_times(stopwatch: Stopwatch) -> None:
     total_s = stopwatch.total_s
     parts = {**stopwatch.spent_s, "the rest": total_s - sum(stopwatch.spent_s.values())}
     text = ", ".join(f"{part} {spent_s:.1f} s" for part, spent_s in parts.items())
-    err.print(f"Time: {total_s:.1f} s: {text}", soft_wrap=True)
+    say(f"Time: {total_s:.1f} s: {text}", err)
 
 
 def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
@@ -89,9 +92,9 @@ def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_outpu
     parts = ("Receiver", report.channel_faults), ("Calibration", report.calibration), ("Array", contradictions)
     for heading, doubts in parts:
         for doubt in doubts:
-            out.print(f"{heading}: {doubt}", style="yellow")
+            say(f"{heading}: {doubt}", style="yellow", hanging=2)
     for line in lines:
-        out.print(line, soft_wrap=True)
+        say(line, hanging=2)
     print_written(folder, *sorted(path.name for path in folder.iterdir()))
     command = "uv run pdpatrol" if "UV_RUN_RECURSION_DEPTH" in os.environ else "pdpatrol"
-    out.print(f"Look at it with: {command} replay {shlex.quote(str(folder))}", soft_wrap=True)
+    say(f"Look at it with: {command} replay {shlex.quote(str(folder))}")

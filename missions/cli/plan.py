@@ -3,23 +3,24 @@
 import json
 from typing import Annotated
 
+import tyro
 from pydantic import Field, PositiveFloat
 
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder, Settings
-from pdpatrol.missions.cli.terminal import out, output_folder, print_written, progress_bar, refuse
+from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder, ScenarioName, Settings
+from pdpatrol.missions.cli.terminal import out, output_folder, print_written, progress_bar, refuse, say
 from pdpatrol.missions.planning.output import as_json, as_toml, blind_sites, draw_plan, sites_table, summary
 from pdpatrol.missions.planning.plan import make_plan
 from pdpatrol.missions.sweep.plan import parse_grid
 
 
 def plan(
-    scenario: str = "one_source",
+    scenario: ScenarioName = "one_source",
     /,
     *,
     settings: Settings = (),
-    amplitude_v: Annotated[PositiveFloat, Field(le=1e6)] = 0.05,
+    amplitude_v: Annotated[PositiveFloat, tyro.conf.arg(metavar="VOLTS"), Field(le=1e6)] = 0.05,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
 ) -> None:
@@ -55,7 +56,7 @@ def plan(
         out.print_json(data=data)
         return
     out.print(sites_table(made))
-    out.print(summary(made), soft_wrap=True)
+    say(summary(made))
     if made.blind:
-        out.print(f"Not detectable from any reachable place: {blind_sites(made)}", style="yellow")
+        say(f"Not detectable from any reachable place: {blind_sites(made)}", style="yellow", hanging=2)
     print_written(folder, "plan.png", "plan.json", "route.toml")

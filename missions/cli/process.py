@@ -4,8 +4,10 @@ This module imports nothing that loads slowly, so that signals are handled from 
 """
 
 import os
+import shutil
 import signal
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -113,9 +115,22 @@ def kill_children() -> None:
 
 
 def print_error(line: str) -> None:
-    """Print a line to the standard error output, with control characters escaped."""
+    """Print a line to the standard error output, with control characters escaped; a terminal shows it wrapped."""
     with suppress(OSError, AttributeError):  # it may be closed
-        sys.stderr.write(one_line(line) + "\n")
+        text = one_line(line)
+        sys.stderr.write((wrapped(text, hanging=2) if sys.stderr.isatty() else text) + "\n")
+
+
+def wrapped(line: str, hanging: int = 0) -> str:
+    """Wrap a line at spaces to the width of the terminal; words longer than that are kept in one piece.
+
+    Args:
+        line: Line of text; its leading spaces are kept.
+        hanging: Number of spaces before the second and later lines.
+    """
+    width = max(shutil.get_terminal_size().columns, 2 * hanging)
+    lines = textwrap.wrap(line, width, subsequent_indent=" " * hanging, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines)
 
 
 def one_line(text: str) -> str:

@@ -7,9 +7,10 @@ import tyro
 from pydantic import Field
 
 from pdpatrol.missions.atomic_file import atomic_file
+from pdpatrol.missions.cli.arguments import Flag, optional
 from pdpatrol.missions.cli.mission_files import write_mission
 from pdpatrol.missions.cli.report import refused_if_damaged
-from pdpatrol.missions.cli.terminal import err, note, out, progress_bar, refuse
+from pdpatrol.missions.cli.terminal import err, note, progress_bar, refuse, say
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.missions.sweep.dataset import Dataset
@@ -18,16 +19,16 @@ from pdpatrol.missions.video import write_film
 
 
 def replay(
-    folders: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")],
+    folders: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]", help_behavior_hint="(required)")],
     /,
     *,
     row: Annotated[tyro.conf.UseAppendAction[tuple[int, ...]], tyro.conf.arg(metavar="NUMBER")] = (),
-    web: bool = False,
-    port: Annotated[int | None, tyro.conf.arg(metavar="NUMBER"), Field(ge=1, le=65534)] = None,
-    screenshot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
-    at: Annotated[float | None, tyro.conf.arg(metavar="SECONDS"), Field(ge=0, allow_inf_nan=False)] = None,
-    video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|FILE.gif")] = None,
-    pace: Annotated[float | None, tyro.conf.arg(metavar="FACTOR"), Field(ge=0.1, le=1000)] = None,
+    web: Flag = False,
+    port: Annotated[int | None, optional("NUMBER"), Field(ge=1, le=65534)] = None,
+    screenshot: Annotated[Path | None, optional("FILE.png")] = None,
+    at: Annotated[float | None, optional("SECONDS"), Field(ge=0, allow_inf_nan=False)] = None,
+    video: Annotated[Path | None, optional("FILE.mp4|FILE.gif")] = None,
+    pace: Annotated[float | None, optional("FACTOR"), Field(ge=0.1, le=1000)] = None,
 ) -> None:
     """Open the recordings of one or several missions in the Rerun viewer.
 
@@ -81,9 +82,9 @@ def replay(
         end_s = float(logs[0].column("step", "time_s").max(initial=0.0))
         with err.status("The viewer draws"), atomic_file(screenshot) as temporary:
             temporary.write_bytes(take_screenshot(recordings[0], end_s if at is None else at))
-        out.print(f"Written: {screenshot}", soft_wrap=True)
+        say(f"Written: {screenshot}")
     elif web:
-        serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True), port)
+        serve(recordings, lambda url: say(f"Serving at {url}  (Ctrl-C ends it)"), port)
     else:
         open_viewer(recordings)
 
@@ -96,7 +97,7 @@ def _film(log: MissionLog, video: Path, pace: float | None) -> None:
             write_film(log, video, pace, lambda share: progress.update(bar, completed=share))
         except ValueError as error:
             refuse(f"--video: {error}")
-    out.print(f"Written: {video}", soft_wrap=True)
+    say(f"Written: {video}")
 
 
 def _run_again(folder: Path, row: int) -> Path:

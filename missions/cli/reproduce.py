@@ -6,7 +6,7 @@ from pydantic import Field, NonNegativeInt
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.arguments import Flag, JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_times
 from pdpatrol.missions.cli.terminal import out, output_folder, print_written, progress_bar
 from pdpatrol.missions.reproduction.comparison import verdict
@@ -21,7 +21,7 @@ def reproduce(
     seed: NonNegativeInt = 0,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
-    timing: bool = False,
+    timing: Flag = False,
 ) -> None:
     """Reproduce every table and figure of the Dir-MUSIC paper, by the paper's method and by the best one.
 

@@ -6,19 +6,20 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.missions.cli.terminal import note, out, output_folder, refuse
+from pdpatrol.missions.cli.arguments import Flag, optional
+from pdpatrol.missions.cli.terminal import note, out, output_folder, refuse, say
 from pdpatrol.missions.sweep import analysis, dataset, tables
 from pdpatrol.missions.sweep.figures import draw_figures
 
 
 def results(
-    folder: tuple[Path, ...],
+    folder: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]", help_behavior_hint="(required)")],
     /,
     *,
-    markdown: bool = False,
-    csv_output: Annotated[bool, tyro.conf.arg(name="csv")] = False,
-    compare: Annotated[tuple[str, str] | None, tyro.conf.arg(metavar="A B")] = None,
-    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
+    markdown: Flag = False,
+    csv_output: Annotated[Flag, tyro.conf.arg(name="csv")] = False,
+    compare: Annotated[tuple[str, str] | None, optional("A B")] = None,
+    figures: Annotated[Path | None, optional("DIR")] = None,
 ) -> None:
     """Summarise the datasets of sweeps: a line for each scenario or level, policy and setting, with 95 % intervals.
 
@@ -46,7 +47,7 @@ def results(
             if before["n_found"] != after["n_found"]:
                 found = f"{before['n_found']} -> {after['n_found']} of {before['n_sources']} found"
                 parts = (before["scenario"], before["settings"].strip("{}"), f"seed {before['seed']}: {found}")
-                out.print(", ".join(filter(None, parts)), soft_wrap=True)
+                say(", ".join(filter(None, parts)), hanging=2)
         return
     if figures is not None:
         with output_folder(figures, "", "--figures") as figure_folder:
@@ -62,6 +63,6 @@ def results(
         for _, row in rows[rows["status"] != "finished"].iterrows():
             reason = row["error"].strip().splitlines()[-1]
             name = f"{row['scenario']}, {row['policy']}, seed {row['seed']}"
-            out.print(f"{name}: {row['status']}: {reason}", soft_wrap=True)
+            say(f"{name}: {row['status']}: {reason}", hanging=2)
         if missing := sum(each.manifest.n_missions - len(each.read()) for each in datasets):
-            out.print(f"{missing} missions are missing: run the command of the sweep again to continue it")
+            say(f"{missing} missions are missing: run the command of the sweep again to continue it")

@@ -11,10 +11,10 @@ from pydantic import NonNegativeInt
 from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.scenario.array import read_calibration
-from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.arguments import Flag, JsonOutput, OutFolder, ScenarioName, optional
 from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
 from pdpatrol.missions.cli.process import deferred_signals
-from pdpatrol.missions.cli.terminal import err, fail, note, output_folder, progress_bar
+from pdpatrol.missions.cli.terminal import err, fail, note, output_folder, progress_bar, say
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
@@ -23,18 +23,18 @@ from pdpatrol.missions.runner import Mission, Stopwatch
 
 
 def run(
-    scenario: str = "one_source",
+    scenario: ScenarioName = "one_source",
     /,
     *,
     policy: Annotated[str, tyro.conf.arg(metavar="{seek,active,patrol,random,oracle,FILE.py:NAME}")] = "seek",
     seed: NonNegativeInt = 0,
-    serial_number: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
-    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    date: Annotated[str | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None,
+    serial_number: Annotated[int | None, optional("NUMBER")] = None,
+    calibration: Annotated[Path | None, optional("FILE")] = None,
+    date: Annotated[str | None, optional("YYYY-MM-DD")] = None,
     out_dir: OutFolder = None,
-    live: bool = False,
+    live: Flag = False,
     json_output: JsonOutput = False,
-    timing: bool = False,
+    timing: Flag = False,
 ) -> None:
     """Run one mission and write its log, report and recording.
 
@@ -92,7 +92,7 @@ def run(
                 n_printed += events["kind"].size
                 for kind, event in zip(events["kind"], events["text"], strict=True):
                     if kind not in ("waypoint", "error", "end"):
-                        progress.console.print(f"{mission.time_s:6.1f} s  {event}")
+                        say(f"{mission.time_s:6.1f} s  {event}", progress.console, hanging=10)
                 text = f"{mission.policy.phase}, {mission.n_visited} waypoints"
                 progress.update(bar, completed=mission.time_s, description=f"{text:<36}")
                 if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):

@@ -2,20 +2,19 @@
 
 from typing import Annotated
 
-import tyro
 from rich.table import Table
 
 from dirmusic.array.beam import describe_beam
 from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import SHIPPED, load_scenario, shipped_scenarios
 from pdpatrol.envs.scenario.suite import load_suite
-from pdpatrol.missions.cli.arguments import JsonOutput
-from pdpatrol.missions.cli.terminal import note, out
+from pdpatrol.missions.cli.arguments import JsonOutput, optional
+from pdpatrol.missions.cli.terminal import note, out, say
 from pdpatrol.sensing import HelicalArray
 
 
 def scenarios(
-    check: Annotated[str | None, tyro.conf.arg(metavar="CHECK.toml")] = None,
+    check: Annotated[str | None, optional("[FILE.toml]")] = None,
     /,
     *,
     json_output: JsonOutput = False,
@@ -35,7 +34,7 @@ def scenarios(
         if json_output:
             out.print_json(data={"scenario": scenario.name, "sources": n_sources, "candidate_sites": n_sites})
         else:
-            out.print(f"{check}: no errors; {n_sources} sources, {n_sites} candidate sites", soft_wrap=True)
+            say(f"{check}: no errors; {n_sources} sources, {n_sites} candidate sites")
         return
     texts = {name: (SHIPPED / f"{name}.toml").read_text(encoding="utf-8") for name in shipped_scenarios()}
     shown = {name: text.partition("\n")[0].lstrip("# ") for name, text in texts.items()}
@@ -47,4 +46,4 @@ def scenarios(
     for row in shown.items():
         table.add_row(*row)
     out.print(table)
-    out.print("A level of the suite has many yards: pdpatrol sweep suite/open, or run suite/open_01.")
+    say("A level of the suite has many yards: pdpatrol sweep suite/open, or run suite/open_01.")

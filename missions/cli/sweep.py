@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 import tyro
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from pdpatrol.missions.cli.arguments import OutFolder, Settings
+from pdpatrol.missions.cli.arguments import OutFolder, Settings, optional
 from pdpatrol.missions.cli.process import one_line
-from pdpatrol.missions.cli.terminal import err, fail, out, progress_bar, refuse
+from pdpatrol.missions.cli.terminal import err, fail, out, progress_bar, refuse, say
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.sweep.analysis import summarise_groups
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
@@ -23,19 +23,19 @@ from pdpatrol.missions.sweep.tables import terminal_table
 
 
 def sweep(
-    scenario: tuple[str, ...] = ("one_source",),
+    scenario: Annotated[tuple[str, ...], tyro.conf.arg(metavar="[SCENARIO ...]")] = ("one_source",),
     /,
     *,
-    policy: Annotated[tuple[str, ...], Field(min_length=1)] = ("seek",),
-    seeds: str | None = None,
+    policy: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY [POLICY ...]"), Field(min_length=1)] = ("seek",),
+    seeds: Annotated[str | None, optional("FIRST-LAST")] = None,
     settings: Settings = (),
     out_dir: OutFolder = None,
-    workers: PositiveInt | None = None,
+    workers: Annotated[PositiveInt | None, optional("NUMBER")] = None,
     shard: Annotated[str, tyro.conf.arg(metavar="I/N")] = "1/1",
-    wall_limit_s: PositiveFloat = 900.0,
-    memory_gb: PositiveFloat = 2.0,
+    wall_limit_s: Annotated[PositiveFloat, tyro.conf.arg(metavar="SECONDS")] = 900.0,
+    memory_gb: Annotated[PositiveFloat, tyro.conf.arg(metavar="GB")] = 2.0,
     engine: Literal["pool", "ray"] = "pool",
-    ray_address: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None,
+    ray_address: Annotated[str | None, optional("ADDRESS")] = None,
 ) -> None:
     """Run a mission for each combination of scenario, settings, policy and seed, and store a row for each.
 
@@ -90,7 +90,7 @@ def sweep(
                 progress.advance(bar)
                 if row.status != "finished":
                     text = f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}"
-                    progress.console.print(text, soft_wrap=True)
+                    say(text, progress.console)
 
             if engine == "ray":
                 run_in_ray(jobs, workers, limits, finish, address=ray_address)
@@ -98,14 +98,14 @@ def sweep(
                 run_in_processes(jobs, workers or os.cpu_count() or 1, limits, finish)
         dataset.compact()
     except KeyboardInterrupt:
-        err.print(f"The same command continues in {one_line(str(folder))}", soft_wrap=True)
+        say(f"The same command continues in {one_line(str(folder))}", err)
         raise
     except EngineError as error:
         fail(str(error))
     except OSError as error:
         fail(f"{folder}: a row could not be written ({error.strerror}); finished rows are kept")
     out.print(terminal_table(summarise_groups(dataset.read()), str(folder)))
-    out.print(f"Show the results with: pdpatrol results {folder}", soft_wrap=True)
+    say(f"Show the results with: pdpatrol results {folder}")
 
 
 def _ascending(option: str, text: str, pattern: str, expected: str) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import Progress
 
-from pdpatrol.missions.cli.process import FAILED, USAGE_ERROR, one_line, print_error
+from pdpatrol.missions.cli.process import FAILED, USAGE_ERROR, one_line, print_error, wrapped
 
 CLAIM, LOCK = ".claim", ".lock"
 """Files that reserve an output folder for one process; the lock ends with the process."""
@@ -33,10 +33,22 @@ def fail(error: str) -> NoReturn:
     sys.exit(FAILED)
 
 
+def say(line: str, console: Console = out, *, style: str = "", hanging: int = 0) -> None:
+    """Print a line of text; a terminal shows it wrapped at spaces.
+
+    Args:
+        line: The text.
+        console: Console to print to.
+        style: Style of rich.
+        hanging: Number of spaces before the second and later lines on a terminal.
+    """
+    console.print(wrapped(line, hanging) if console.is_terminal else line, style=style, soft_wrap=True)
+
+
 def note(*texts: str) -> None:
     """Print notes on something unusual, one line each, on the standard error output."""
     for text in texts:
-        err.print(f"note: {one_line(text)}", soft_wrap=True)
+        say(f"note: {one_line(text)}", err, hanging=2)
 
 
 def progress_bar() -> Progress:
@@ -46,7 +58,7 @@ def progress_bar() -> Progress:
 
 def print_written(folder: Path, *names: str) -> None:
     """Print which files were written."""
-    out.print(f"Written to {one_line(str(folder))}: {', '.join(names)}", soft_wrap=True)
+    say(f"Written to {one_line(str(folder))}: {', '.join(names)}", hanging=2)
 
 
 @contextmanager

@@ -14,15 +14,17 @@ from pdpatrol.missions.campaign.inspection import read_inspections
 from pdpatrol.missions.campaign.page import HEADINGS, summary_row, trend_page
 from pdpatrol.missions.campaign.trend import RELEVANT_DB_PER_WEEK, make_trend
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
-from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written
+from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, say
 from pdpatrol.missions.report.records import report_text
 
 
 def trend(
-    run: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN")],
+    run: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN [RUN ...]", help_behavior_hint="(required)")],
     /,
     *,
-    relevant_db_per_week: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = RELEVANT_DB_PER_WEEK,
+    relevant_db_per_week: Annotated[
+        float, tyro.conf.arg(metavar="DB"), Field(gt=0.0, allow_inf_nan=False)
+    ] = RELEVANT_DB_PER_WEEK,
     out_dir: OutFolder = None,
     json_output: JsonOutput = False,
 ) -> None:
@@ -53,6 +55,9 @@ def trend(
     table = Table(*HEADINGS, title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for discharge in found.discharges:
         table.add_row(*(text.replace("/", "/\n") for text in summary_row(discharge)))
-    out.print(table if found.discharges else f"{title}: no discharge found")
+    if found.discharges:
+        out.print(table)
+    else:
+        say(f"{title}: no discharge found")
     if out_dir is not None:
         print_written(out_dir, "trend.json", "trend.html")

@@ -87,22 +87,24 @@ class SurveyOptions:
     """
 
     heading: Heading = "counterclockwise"
-    pattern: Path | None = None
-    boresights_deg: tuple[Degrees, ...] | None = None
+    pattern: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    boresights_deg: Annotated[
+        tuple[Degrees, ...] | None, tyro.conf.arg(metavar="DEGREES [DEGREES ...]", help_behavior_hint="")
+    ] = None
     ring_radius_m: Metres = 0.12
     height_m: Metres = 0.6
     gain_error: Share = 0.05
     pointing_error_deg: Annotated[Degrees, Field(ge=0)] = 2.0
     gain_offset: Share = 0.0
-    noise_v: Positive | None = None
+    noise_v: Annotated[Positive | None, tyro.conf.arg(metavar="VOLTS", help_behavior_hint="")] = None
     gate_ns: Positive = 4.5
-    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     position_std_m: Metres = 0.05
     heading_std_deg: Annotated[Degrees, Field(ge=0)] = 0.5
     pose_correlation_s: Positive = 5.0
-    yard: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
-    yard_m: tuple[Positive, Positive] | None = None
-    georeference: Annotated[Georeference | None, tyro.conf.arg(metavar="LAT LON HEADING")] = None
+    yard: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml", help_behavior_hint="")] = None
+    yard_m: Annotated[tuple[Positive, Positive] | None, tyro.conf.arg(metavar="X Y", help_behavior_hint="")] = None
+    georeference: Annotated[Georeference | None, tyro.conf.arg(metavar="LAT LON HEADING", help_behavior_hint="")] = None
     pose_topic: Annotated[str, tyro.conf.arg(metavar="TOPIC")] = "/pose"
     pulse_topic: Annotated[str, tyro.conf.arg(metavar="TOPIC")] = "/pulses"
-    date: Annotated[Day | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None
+    date: Annotated[Day | None, tyro.conf.arg(metavar="YYYY-MM-DD", help_behavior_hint="")] = None

@@ -8,7 +8,8 @@ import numpy as np
 
 from dirmusic import Finding
 from pdpatrol.envs.observation import Observation
-from pdpatrol.envs.user_code import calling, load_object
+from pdpatrol.envs.scenario.base import meant
+from pdpatrol.envs.user_code import UserCodeError, calling, load_object
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.patrol import Patrol
@@ -135,6 +136,8 @@ def load_maker(name: str) -> Callable[[np.random.Generator], Any]:
     Raises:
         UserCodeError: If it does not exist, or loading it raises an exception.
     """
+    if name not in BUILT_IN and ":" not in name and (hint := meant(BUILT_IN, name)):
+        raise UserCodeError(f"{name}: no such policy{hint}")
     return BUILT_IN[name] if name in BUILT_IN else load_object(name, MAKER)
 
 

@@ -105,13 +105,19 @@ def test_world_without_bodies_is_the_same() -> None:
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({"kind": "horse"}, "nature.moving.0.kind: must be 'person' or 'vehicle', got 'horse'"),
-        ({"path_m": ((8.0, 3.0),)}, "nature.moving.0.path_m: must have at least 2 items"),
-        ({"path_m": ((8.0, 3.0), (8.0, 3.1))}, "nature.moving.0.path_m: points must be 0.5 m apart"),
-        ({"pause_s": (5.0, 1.0)}, "nature.moving.0.pause_s: must be the shortest and the longest pause"),
-        ({"path_m": ((12.0, 13.0), (12.0, 21.0))}, "nature.moving.0.path_m: must stay 0.25 m from fence and equipment"),
-        ({"path_m": ((-1.0, 5.0), (5.0, 5.0))}, "nature.moving.0.path_m: must stay 0.25 m from fence and equipment"),
-        ({"path_m": ((3.2, 3.0), (8.0, 3.0))}, "nature.moving.0.path_m: must start"),
+        ({"kind": "horse"}, "nature.moving \"fitter\".kind: must be 'person' or 'vehicle', got 'horse'"),
+        ({"path_m": ((8.0, 3.0),)}, 'nature.moving "fitter".path_m: must have at least 2 items'),
+        ({"path_m": ((8.0, 3.0), (8.0, 3.1))}, 'nature.moving "fitter".path_m: points must be 0.5 m apart'),
+        ({"pause_s": (5.0, 1.0)}, 'nature.moving "fitter".pause_s: must be the shortest and the longest pause'),
+        (
+            {"path_m": ((12.0, 13.0), (12.0, 21.0))},
+            'nature.moving "fitter".path_m: must stay 0.25 m from fence and equipment',
+        ),
+        (
+            {"path_m": ((-1.0, 5.0), (5.0, 5.0))},
+            'nature.moving "fitter".path_m: must stay 0.25 m from fence and equipment',
+        ),
+        ({"path_m": ((3.2, 3.0), (8.0, 3.0))}, 'nature.moving "fitter".path_m: must start'),
     ],
 )
 def test_error_in_a_table_is_one_line(change: dict[str, Any], line: str) -> None:

@@ -35,14 +35,6 @@ def test_help_lists_the_verbs(tmp_path: Path) -> None:
     assert all(f"\n  {verb} " in done.stdout for verb in VERBS)
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_help_of_every_verb_shows_usage(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        call(verb, "--help")
-    assert ended.value.code == 0
-    assert f"usage: pdpatrol {verb} " in capsys.readouterr().out
-
-
 def test_version_is_that_of_the_package(tmp_path: Path) -> None:
     assert pdpatrol("--version", cwd=tmp_path).stdout == f"pdpatrol {version('pdpatrol')}\n"
 

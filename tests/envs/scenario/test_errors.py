@@ -64,7 +64,7 @@ CASES = [
     ),
     (
         'sources = [{GUN, kind = "sparks"}]',
-        "sources.0.kind: must be 'corona', 'void', 'surface' or 'floating', got 'sparks'",
+        "sources \"gun\".kind: must be 'corona', 'void', 'surface' or 'floating', got 'sparks'",
     ),
     (
         f"sources = [{'{GUN}, ' * 65}]",
@@ -73,7 +73,7 @@ CASES = [
     ("yard.equipment = [3]", "yard.equipment.0: must be a table, got 3"),
     (
         'yard.equipment = [{name = "wall", kind = "wall", shape = "cone", height_m = 3.0}]',
-        "yard.equipment.0: must have the shape 'box', 'cylinder', 'catalogue', got 'cone'",
+        "yard.equipment \"wall\": must have the shape 'box', 'cylinder', 'catalogue', got 'cone'",
     ),
     ("receiver.nois_v = 0.001", "receiver.nois_v: unknown key; did you mean `noise_v`?"),
     ('"a\\nb" = 1', "a\\nb: unknown key"),
@@ -85,19 +85,19 @@ CASES = [
     ('campaign.date = "2026-02-30"', "campaign.date: day "),
     # tables
     ('campaign.date = "2026-01-04"', "campaign.date: must not be before begins, 2026-01-05, got 2026-01-04"),
-    ('sources = [{name = "pd"}]', "sources.0.sites, position_m, anywhere_at_m: exactly one must be given, got none"),
-    ("sources = [{GUN, active_s = [9.0, 3.0]}]", "sources.0.active_s: must start before it ends, got (9.0, 3.0)"),
+    ('sources = [{name = "pd"}]', 'sources "pd".sites, position_m, anywhere_at_m: exactly one must be given, got none'),
+    ("sources = [{GUN, active_s = [9.0, 3.0]}]", 'sources "gun".active_s: must start before it ends, got (9.0, 3.0)'),
     (
         'sources = [{GUN, kind = "void", n_shots = 5}]',
-        "sources.0.kind, n_shots: must not be given together; a gun ignores the phase of the mains",
+        'sources "gun".kind, n_shots: must not be given together; a gun ignores the phase of the mains',
     ),
     (
         "sources = [{GUN, n_shots = 5, pulse_rate_hz = 0.0}]",
-        "sources.0.pulse_rate_hz: must be at least 0.0001 for a gun, got 0",
+        'sources "gun".pulse_rate_hz: must be at least 0.0001 for a gun, got 0',
     ),
     (
         "sources = [{GUN, polarisation = [0.0, 0.0, 0.0]}]",
-        "sources.0.polarisation: must not be the zero vector, got (0.0, 0.0, 0.0)",
+        'sources "gun".polarisation: must not be the zero vector, got (0.0, 0.0, 0.0)',
     ),
     (
         "receiver.band_hz = [1500000000.0, 1500000100.0]",
@@ -108,18 +108,21 @@ CASES = [
         'nature.receiver.faults = [{channel = 1, kind = "gain_drift"}]',
         "nature.receiver.faults.0.gain_db: must be given for kind gain_drift",
     ),
-    ("interferers = [{TRAM, path_m = [[-5.0, 25.0, 1.0]]}]", "interferers.0.path_m, speed_mps: must be given together"),
+    (
+        "interferers = [{TRAM, path_m = [[-5.0, 25.0, 1.0]]}]",
+        'interferers "tram".path_m, speed_mps: must be given together',
+    ),
     (
         "interferers = [{TRAM, path_m = [[-5.0, 9.0, 1.0], [-5.0, 9.0, 1.0]], speed_mps = 9.0}]",
-        "interferers.0.path_m: each point must differ from the one before, got (-5.0, 9.0, 1.0) twice",
+        'interferers "tram".path_m: each point must differ from the one before, got (-5.0, 9.0, 1.0) twice',
     ),
     (
         "sources = [{GUN, changes = [{at_s = 9.0}, {at_s = 9.0}]}]",
-        "sources.0.changes: at_s must increase, 9 is followed by 9",
+        'sources "gun".changes: at_s must increase, 9 is followed by 9',
     ),
     (
         "sources = [{GUN, n_shots = 5, changes = [{at_s = 9.0}]}]",
-        "sources.0.changes, n_shots: must not be given together; a gun does not change",
+        'sources "gun".changes, n_shots: must not be given together; a gun does not change',
     ),
     # places
     (
@@ -145,36 +148,36 @@ CASES = [
     ),
     (
         'map.extra = [{name = "hut", kind = "kiosk", BOX}]',
-        "map.extra.0.kind: no kind `kiosk`; available: building, busbar, bushing, cabinet, cable_sealing_end",
+        'map.extra "hut".kind: no kind `kiosk`; available: building, busbar, bushing, cabinet, cable_sealing_end',
     ),
     (
         'sources = [{name = "one", sites = ["tank/sout"]}]',
-        "sources.0.sites: no site `tank/sout`; available: tank/south",
+        'sources "one".sites: no site `tank/sout`; available: tank/south',
     ),
     (
         'sources = [{name = "gun", position_m = [10.0, 9.0, 1.0]}]',
-        "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [10.0, 9",
+        'sources "gun".position_m: must lie in the yard, above the ground and outside equipment, got [10.0, 9',
     ),
     (
         'sources = [{name = "gun", position_m = [30.0, 9.0, 1.0]}]',
-        "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [30.0, 9",
+        'sources "gun".position_m: must lie in the yard, above the ground and outside equipment, got [30.0, 9',
     ),
     (
         'sources = [{name = "gun", position_m = [3.0, 9.0, -1.0]}]',
-        "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [3.0, 9.",
+        'sources "gun".position_m: must lie in the yard, above the ground and outside equipment, got [3.0, 9.',
     ),
     ("sources = [{GUN}, {GUN}]", "sources.1.name: must be used once, got `gun` again"),
     (
         'interferers = [{name = "gun", position_m = [-5.0, 5.0, 1.0], amplitude_v = 1.0}]',
-        "interferers.0.name: must be used once, got `gun` again",
+        'interferers "gun".name: must be used once, got `gun` again',
     ),
     (
         'interferers = [{name = "tram", position_m = [10.0, 9.0, 1.0], amplitude_v = 1.0}]',
-        "interferers.0.position_m: must lie outside equipment, got (10.0, 9.0, 1.0) inside `tank`",
+        'interferers "tram".position_m: must lie outside equipment, got (10.0, 9.0, 1.0) inside `tank`',
     ),
     (
         "interferers = [{TRAM, path_m = [[-5.0, 9.0, 1.0], [15.0, 9.0, 1.0]], speed_mps = 9.0}]",
-        "interferers.0.path_m: must not cross equipment, got (15.0, 9.0, 1.0), reached through `tank`",
+        'interferers "tram".path_m: must not cross equipment, got (15.0, 9.0, 1.0), reached through `tank`',
     ),
     # combinations
     (
@@ -201,7 +204,7 @@ CASES = [
     ("robot.max_speed_mps = 3.0", "robot.max_speed_mps: must be at most the limit of the robot, 0.8, got 3"),
     (
         "carriers = [{CARRIER, frequency_hz = 1e10}]",
-        "carriers.0.frequency_hz: must be below half of receiver.sample_rate_hz, 1e+10, got 1e+10",
+        'carriers "c".frequency_hz: must be below half of receiver.sample_rate_hz, 1e+10, got 1e+10',
     ),
     (
         'carriers = [{name = "c", amplitude_v = 5.0, bearing_deg = 10.0}]',
@@ -209,15 +212,15 @@ CASES = [
     ),
     (
         "sources = [{GUN, drift_db_per_min = 60.0}]\ntask.time_limit_s = 600.0",
-        "sources.0.drift_db_per_min: must be at most 120 dB within task.time_limit_s, got 600",
+        'sources "gun".drift_db_per_min: must be at most 120 dB within task.time_limit_s, got 600',
     ),
     (
         "sources = [{GUN, amplitude_v = 1e4}]\nreceiver.noise_v = 1e-09\ninterferers = []\ncarriers = []",
-        "sources.0.amplitude_v: must be at most 1 V with its range, 1e+09 times the noise, got 1.41e+04",
+        'sources "gun".amplitude_v: must be at most 1 V with its range, 1e+09 times the noise, got 1.41e+04',
     ),
     (
         'sources = [{ONE}, {name = "two", sites = ["tank/south"]}]',
-        "sources.1.sites: must be more than the earlier sources on these sites, got 1",
+        'sources "two".sites: must be more than the earlier sources on these sites, got 1',
     ),
     (
         "sources = [{GUN, pulse_rate_hz = 1e4}]\ntask.time_limit_s = 86400.0",
@@ -229,11 +232,11 @@ CASES = [
     ),
     (
         'sources = [{GUN, growth_db_per_week = 3.0}]\ncampaign.date = "2027-01-04"',
-        "sources.0.growth_db_per_week: must be at most 120 dB on 2027-01-04, got 156",
+        'sources "gun".growth_db_per_week: must be at most 120 dB on 2027-01-04, got 156',
     ),
     (
         'sources = [{GUN, rate_growth_per_week = 9.0}]\ncampaign.date = "2026-01-26"',
-        "sources.0.rate_growth_per_week: must be at most 1e+04 pulses per second on",
+        'sources "gun".rate_growth_per_week: must be at most 1e+04 pulses per second on',
     ),
 ]
 
@@ -273,7 +276,34 @@ def test_missing_file_folder_and_unknown_name_are_refused(tmp_path: Path) -> Non
         with pytest.raises(ScenarioError, match="cannot be read"):
             load_scenario(path)
     with pytest.raises(ScenarioError, match=r"available: .*one_source"):
-        load_scenario("one_sorce")
+        load_scenario("nowhere")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "name"),
+    [
+        *((name[:-3] + name[-2:], name) for name in shipped_scenarios()),
+        *((f"suite/{level[1:]}", f"suite/{level}") for level in load_suite().levels),
+        ("suite/weakk_03", "suite/weak_03"),
+    ],
+)
+def test_mistyped_scenario_gets_the_name_that_was_meant(wrong: str, name: str) -> None:
+    with pytest.raises(ScenarioError, match=f"^{wrong}: no such .*; did you mean {name}[?]$"):
+        load_scenario(wrong)
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ("yard.equipment = [3]", "yard.equipment.0"),
+        ('yard.equipment = [{name = "T 1", kind = "fence", shape = "box"}]', "yard.equipment.0.name"),
+        ('yard.equipment = [{name = "one"}, {name = "t1"}]', 'yard.equipment "t1".kind'),
+        ('yard.equipment = [{name = "t1"}, {name = "t1"}]', "yard.equipment.1.kind"),
+        ("route.waypoints_m = [[1.0, true]]", "route.waypoints_m.0.1"),
+    ],
+)
+def test_errors_call_items_by_unique_names(settings: str, key: str, tmp_path: Path) -> None:
+    assert key in {error.partition(":")[0] for error in errors_of(written(tmp_path, small(settings)))}
 
 
 @pytest.mark.parametrize("stem", ["my yard", "-yard", "[red]yard", "y" * 65, "Anlage_Süd"])
@@ -297,10 +327,10 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "line"),
     [
-        ("sources = [{GUN, amplitude_v = 1e-4}]", "sources.0: `gun` cannot be detected: below it"),
-        ("sources = [{GUN, pulse_rate_hz = 0.0}]", "sources.0: `gun` does not discharge within the mission"),
-        ("sources = [{GUN, active_s = [30.0, 60.0]}]", "sources.0: `gun` does not discharge within the mission"),
-        ("sources = [{GUN, n_shots = 3, first_shot_s = 30.0}]", "sources.0: `gun` does not discharge within"),
+        ("sources = [{GUN, amplitude_v = 1e-4}]", 'sources "gun": cannot be detected: below it'),
+        ("sources = [{GUN, pulse_rate_hz = 0.0}]", 'sources "gun": does not discharge within the mission'),
+        ("sources = [{GUN, active_s = [30.0, 60.0]}]", 'sources "gun": does not discharge within the mission'),
+        ("sources = [{GUN, n_shots = 3, first_shot_s = 30.0}]", 'sources "gun": does not discharge within'),
         ("receiver.full_scale_v = 1e-3", "receiver.full_scale_v: 0.001 V is below the trigger level"),
     ],
 )
