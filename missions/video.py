@@ -22,17 +22,10 @@ from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.closing_card import closing_card
-from pdpatrol.missions.report.figures import (
-    BEARING,
-    ROUTE,
-    STATES,
-    draw_finding,
-    draw_ground,
-    draw_waypoints,
-    draw_yard,
-)
+from pdpatrol.missions.report.figures import BEARING, STATES, draw_finding
 from pdpatrol.missions.report.make_report import findings_at, make_report
 from pdpatrol.missions.report.wording import phase_text, title_text
+from pdpatrol.missions.yard_plan import ROUTE, draw_ground, draw_waypoints, draw_yard
 from pdpatrol.robot_models.rendering import View, pictures_from_behind, pictures_of
 from pdpatrol.robot_models.world import build_spec
 

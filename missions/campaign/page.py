@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from pdpatrol.envs.scenario.base import weeks_between
 from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.campaign.records import LinearTrend, TrackedDischarge, Trend
-from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_label, draw_yard, move_labels_apart
+from pdpatrol.missions.report.figures import STYLE, draw_label, move_labels_apart
 from pdpatrol.missions.report.page import embed, render
+from pdpatrol.missions.yard_plan import draw_ground, draw_yard
 
 COLOURS = {
     "grown": "#b3261e",

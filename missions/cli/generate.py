@@ -10,10 +10,10 @@ from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.substation.schemes import Scheme
 from pdpatrol.envs.substation.substation import SubstationParameters, draw_substation
 from pdpatrol.envs.substation.substation_file import substation_text
-from pdpatrol.missions.atomic_file import atomic_file, write_text
+from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.arguments import Flag
 from pdpatrol.missions.cli.terminal import refuse, say
-from pdpatrol.missions.report.substation_picture import draw_substation_picture
+from pdpatrol.missions.scenario_picture import write_picture
 from pdpatrol.robot_models.equipment.voltages import Kv
 
 
@@ -48,8 +48,7 @@ def generate(
     write_text(out_file, substation_text(substation, sources))
     scenario = load_scenario(out_file)
     if picture:
-        with atomic_file(png) as temporary:
-            draw_substation_picture(substation, temporary)
+        write_picture(scenario, png, substation.roads_m)
     counts = f"{len(scenario.yard.equipment)} pieces, {len(scenario.yard.site_names())} sites"
     x_m, y_m = substation.size_m
     say(f"{out_file}: {x_m:g} x {y_m:g} m, {counts}, route of {substation.route_length_m:.0f} m")

@@ -6,10 +6,10 @@ from typing import Annotated
 import tyro
 
 from pdpatrol.envs.scenario import load_scenario
-from pdpatrol.missions.atomic_file import atomic_file, write_text
+from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.arguments import Flag, optional
 from pdpatrol.missions.cli.terminal import note, refuse, say
-from pdpatrol.missions.report.substation_picture import draw_site_picture
+from pdpatrol.missions.scenario_picture import write_picture
 from pdpatrol.missions.site_map_files import site_scenario
 
 
@@ -45,8 +45,7 @@ def import_site(
     write_text(target, text)
     scenario = load_scenario(target)
     if picture:
-        with atomic_file(png) as temporary:
-            draw_site_picture(yard, [scenario.route.dock_m], site.name, temporary)
+        write_picture(scenario, png)
     counts = f"{len(yard.equipment)} pieces, {len(yard.site_names())} sites, {len(notes)} notes"
     say(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {counts}")
 

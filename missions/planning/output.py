@@ -14,11 +14,12 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from pdpatrol.missions.driving.site_map import CELL_M
+from pdpatrol.missions.plan_labels import labels_of
 from pdpatrol.missions.planning.confirmation_probability import CERTAIN
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan
 from pdpatrol.missions.planning.shift import shift_text
-from pdpatrol.missions.report.figures import draw_ground, draw_legend, draw_waypoints, draw_yard, draw_zones
+from pdpatrol.missions.yard_plan import SIDES, draw_ground, draw_legend, draw_waypoints, draw_yard, draw_zones
 
 MOST_INCHES = 20.0
 """Longest side of a yard in a picture."""
@@ -155,7 +156,7 @@ def draw_plan(plan: Plan, path: Path) -> None:
     axes.plot(*blind_m.T, "X", color=BLIND_COLOUR, markersize=min(12.0, 45.0 * scale), zorder=7, label=label)
     equipment = {name.partition("/")[0]: position_m for name, position_m in zip(plan.blind, blind_m, strict=True)}
     for name, position_m in equipment.items():
-        axes.annotate(name, position_m, (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR)
+        labels_of(axes).add(name, (position_m, position_m), SIDES, margin_pt=6.0, fontsize=8, color=BLIND_COLOUR)
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
     draw_legend(axes)
     figure.savefig(path, dpi=110, format="png")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,20 +9,14 @@ from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Rectangle
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
-from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import offset_copy
 from numpy.typing import ArrayLike
 
 from dirmusic.locating.finding import outline95
-from pdpatrol.envs.scenario.zone import ZoneConfig
 from pdpatrol.missions.record.log_contents import known_yard, zones_of
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import ArrayCheck, DischargeKind, Report
-from pdpatrol.robot_models.equipment.catalogue import colour_of
-from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.missions.yard_plan import ROUTE, draw_ground, draw_legend, draw_waypoints, draw_yard, draw_zones
 
 STYLE: Any = {
     "svg.hashsalt": "pdpatrol",  # the same figure gives the same bytes
@@ -37,16 +30,13 @@ STYLE: Any = {
 }
 """Matplotlib settings for all figures of a page."""
 
-ROUTE, BEARING = "#2471a3", "#5dade2"
+BEARING = "#5dade2"
 STATES = {
     "confirmed": ("#b3261e", "finding"),
     "candidate": ("#b9770e", "not confirmed"),
     "outside": ("#7d6608", "beyond the fence"),
 }
 """Colour and legend of findings by state."""
-
-NAME_BELOW_PT = 3.0
-"""Distance of the name of equipment from its lower side, so that a site there does not cover it."""
 
 LABEL_PLACES_PT = ((-10, 10), (10, -10), (-10, -10), (0, 17), (20, 0), (-20, 0), (0, -17), (0, 27), (0, -27))
 """Offsets of a label from its place, of which the first free one is used."""
@@ -122,53 +112,6 @@ def draw_gains(check: ArrayCheck) -> Figure:
     return figure
 
 
-def draw_ground(axes: Axes, bounds_m: ArrayLike) -> None:
-    """Draw axes in metres with equal scales, a light grid and a north arrow.
-
-    Args:
-        axes: Axes to draw on.
-        bounds_m: South-west and north-east corner of the ground, shape (2, 2); the axes extend 1 m beyond.
-    """
-    (left, bottom), (right, top) = np.array(bounds_m) + np.array([[-1.0], [1.0]])
-    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x, east (m)", ylabel="y, north (m)", aspect="equal")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
-    axes.grid(color="#e3e8ec", linewidth=0.5)
-    axes.set_axisbelow(True)
-    axes.text(1.0, 1.0, "N \N{UPWARDS ARROW}", transform=axes.transAxes, ha="right", va="bottom", weight="bold")
-
-
-def draw_yard(axes: Axes, yard: Yard) -> None:
-    """Draw fence and equipment with its names from above, lower parts first."""
-    solids, parts = yard.solids, [(item.kind, part) for item in yard.equipment for part in item.assembly.parts]
-    for k in np.argsort(solids.top_m, kind="stable").tolist():
-        rgb = np.array(colour_of(*parts[k]))[:3]
-        style: Any = {"facecolor": 0.5 + 0.5 * rgb, "edgecolor": "#5f6b76", "linewidth": 0.4, "zorder": 1}
-        centre_m, half_m, radius_m = solids.centre_m[k], solids.half_size_m[k], float(solids.radius_m[k])
-        if radius_m > 0.0:
-            axes.add_patch(Circle(tuple(centre_m), radius_m, **style))
-        else:
-            style |= {"angle": np.degrees(solids.yaw_rad[k]), "rotation_point": "center"}
-            axes.add_patch(Rectangle(tuple(centre_m - half_m), *(2.0 * half_m), **style))
-    axes.add_patch(Polygon(yard.fence.corners_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
-    size_pt, outline = 7.0 if len(yard.equipment) <= 14 else 5.5, [withStroke(linewidth=2.2, foreground="white")]
-    style = {"fontsize": size_pt, "color": "#333d47", "path_effects": outline, "clip_on": True, "zorder": 6}
-    style["transform"] = offset_copy(axes.transData, axes.get_figure(root=True), y=-NAME_BELOW_PT, units="points")
-    for item in yard.equipment:
-        low_m, high_m = item.solids.extent_m
-        axes.text(0.5 * (low_m[0] + high_m[0]), low_m[1], item.name, ha="center", va="top", **style)
-
-
-def draw_zones(axes: Axes, zones: Sequence[ZoneConfig]) -> None:
-    """Draw zones with their speed limits."""
-    for zone in zones:
-        axes.add_patch(Polygon(zone.polygon_m, facecolor="#f9a825", alpha=0.18, linewidth=0.0, zorder=0.5))
-        axes.add_patch(Polygon(zone.polygon_m, fill=False, edgecolor="#f9a825", linestyle="--", zorder=0.6))
-        x, y = np.mean(zone.polygon_m, axis=0)
-        label = f"{zone.name}, {zone.limit_mps:g} m/s"
-        axes.text(x, y, label, ha="center", va="center", fontsize=6.5, color="#8d5a00", clip_on=True, zorder=6)
-
-
 def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, covariance_m2: ArrayLike) -> list[Artist]:
     """Draw position, 95 % ellipse and id of a finding; an ellipse larger than the figure is omitted.
 
@@ -209,7 +152,10 @@ def draw_label(
 
 
 def move_labels_apart(figure: Figure) -> None:
-    """Move labels of `draw_label` off names and off each other; one for which no place is free stays."""
+    """Move labels of `draw_label` off other texts and off each other; one for which no place is free stays.
+
+    Names of equipment keep off these labels by themselves.
+    """
     figure.draw_without_rendering()
     axes = figure.axes[0]
     taken = [text.get_window_extent() for text in axes.texts if not isinstance(text, Annotation)]
@@ -223,26 +169,3 @@ def move_labels_apart(figure: Figure) -> None:
             if not any(box.overlaps(other) for other in taken):
                 break
         taken.append(label.get_window_extent().padded(LABEL_PAD_PX))
-
-
-def draw_legend(axes: Axes) -> None:
-    """Explain each label once, below the axes."""
-    handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    axes.figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
-
-
-def draw_waypoints(axes: Axes, route: Mapping[str, Any], size_pt: float = 6.0) -> None:
-    """Draw dock and waypoints, with numbers of a font size."""
-    axes.plot(*route["dock_m"], "s", color=ROUTE, markersize=7, label="dock", zorder=5)
-    for number, (x, y) in enumerate(route["waypoints_m"], start=1):
-        axes.plot(
-            x,
-            y,
-            "o",
-            color="white",
-            markeredgecolor=ROUTE,
-            markersize=1.6 * size_pt,
-            label="waypoint, in order",
-            zorder=5,
-        )
-        axes.text(x, y, str(number), fontsize=size_pt, ha="center", va="center_baseline", color=ROUTE, zorder=5.5)
