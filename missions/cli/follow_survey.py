@@ -40,8 +40,8 @@ def follow_survey(
         from pdpatrol.missions.recording import LiveView  # Rerun is optional
 
         viewer = LiveView()
-    heard_s = time.monotonic()  # time of the latest lines
-    pieces = open_source(str(source), note, lambda: idle_s is not None and time.monotonic() - heard_s > idle_s)
+    latest_s = time.monotonic()  # time of the latest lines
+    pieces = open_source(str(source), note, lambda: idle_s is not None and time.monotonic() - latest_s > idle_s)
     follower = SurveyFollower(folder, title_of(source), survey, note)
     longest_s, n_stored = 0.0, follower.n_records
 
@@ -55,12 +55,12 @@ def follow_survey(
         if n_stored:
             note(f"{n_stored} records were received before: continued")
             show()
-        looked_s = heard_s = time.monotonic()
+        looked_s = latest_s = time.monotonic()
         for lines in pieces:
             follower.add(lines)
             show()
             if lines:
-                heard_s = time.monotonic()
+                latest_s = time.monotonic()
             # a record of this piece may have arrived right after the look before
             longest_s, looked_s = max(longest_s, time.monotonic() - looked_s), time.monotonic()
             if signals:

@@ -6,8 +6,6 @@ from typing import Annotated
 
 import tyro
 from pydantic import Field
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.campaign.inspection import read_inspections
@@ -15,6 +13,7 @@ from pdpatrol.missions.campaign.page import HEADINGS, summary_row, trend_page
 from pdpatrol.missions.campaign.trend import RELEVANT_DB_PER_WEEK, make_trend
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, say
+from pdpatrol.missions.fitted_table import FittedTable
 from pdpatrol.missions.report.records import report_text
 
 
@@ -52,9 +51,9 @@ def trend(
         sys.stdout.write(report_text(found))
         return
     title = f"{found.scenario}: {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}, 99 % intervals"
-    table = Table(*HEADINGS, title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = FittedTable(title, dict.fromkeys(HEADINGS, "left"))
     for discharge in found.discharges:
-        table.add_row(*(text.replace("/", "/\n") for text in summary_row(discharge)))
+        table.add_row(*summary_row(discharge))
     if found.discharges:
         out.print(table)
     else:

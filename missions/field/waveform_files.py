@@ -168,7 +168,7 @@ def _record_notes(found: list[RecordPulses], noise_v2: FloatArray, noise_v: floa
         notes.append(f"noise outside the pulses: {', '.join(f'{1e3 * v:.3g}' for v in std_v)} mV, channel by channel")
     if (is_noted := np.abs(offset_v) > NOTED_OFFSET * std_v).any():
         of_channels = (f"{1e3 * offset_v[k]:+.3g} mV in channel {k + 1}" for k in np.flatnonzero(is_noted))
-        notes.append(f"offset of the quiet part removed: {', '.join(of_channels)}")
+        notes.append(f"offset of the part without pulses removed: {', '.join(of_channels)}")
     return notes
 
 

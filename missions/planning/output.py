@@ -10,10 +10,9 @@ import numpy as np
 import tomlkit
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from pdpatrol.missions.driving.site_map import CELL_M
+from pdpatrol.missions.fitted_table import FittedTable
 from pdpatrol.missions.plan_labels import labels_of
 from pdpatrol.missions.planning.confirmation_probability import CERTAIN
 from pdpatrol.missions.planning.detectability import MARGIN_DB
@@ -27,23 +26,29 @@ MOST_INCHES = 20.0
 MOST_ROWS = 100
 """Largest number of sites of which a table shows all; of more sites, it shows those that need attention."""
 
+SITE_HEADINGS = (
+    "height\n(m)",
+    "level over\ntrigger (dB)",
+    "aperture\n(deg)",
+    "nearest\nplace (m)",
+    "confirmed\n(%)",
+)
+"""Headings of the table of sites, after the name."""
+
 BLIND_COLOUR = "#d50000"
 
 
-def sites_table(plan: Plan) -> Table:
+def sites_table(plan: Plan) -> FittedTable:
     """Return a table that shows how the tour detects each site, or of many sites, those that may not be confirmed.
 
     The columns are the height of the site, the highest level over the trigger, aperture and smallest distance along the
-    tour, and the probability that the discharge of `[inspection]` would be confirmed.
+    tour, and the probability that the discharge of `[inspection]` would be confirmed. A dash means not detectable.
     """
     sites, is_long = plan.detectability, len(plan.confirmed) > MOST_ROWS
     which = f"Sites confirmed with less than {100 * CERTAIN:.0f} %" if is_long else "Sites"
-    tour = f"along the tour of {plan.scenario.name}, lengths in metres"
+    tour = f"along the tour of {plan.scenario.name}"
     title = f"{which} {tour}: discharges of {plan.amplitude_v:g} V at 1 m"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("site", overflow="fold")
-    for heading in ("z", "dB", "deg", "nearest", "confirmed"):
-        table.add_column(heading, justify="right")
+    table = FittedTable(title, {"site": "left", **dict.fromkeys(SITE_HEADINGS, "right")})
     rows = zip(sites.names, sites.positions_m, plan.detections(), plan.confirmed, strict=True)
     for name, position_m, detection, confirmed in rows:
         cells = ["-"] * 3
@@ -52,7 +57,7 @@ def sites_table(plan: Plan) -> Table:
         if detection is not None:
             level_db, aperture_rad, nearest_m = detection
             cells = [f"{level_db:.1f}", f"{np.degrees(aperture_rad):.0f}", f"{nearest_m:.1f}"]
-        table.add_row(name, f"{position_m[2]:.2f}", *cells, f"{100 * confirmed:.0f} %")
+        table.add_row(name, f"{position_m[2]:.2f}", *cells, f"{100 * confirmed:.0f}")
     return table
 
 

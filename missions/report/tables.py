@@ -1,18 +1,15 @@
-"""Tables of findings and candidates for terminals of 80 columns."""
+"""Tables of findings and candidates for a terminal."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
-
+from pdpatrol.missions.fitted_table import FittedTable
 from pdpatrol.missions.report.records import FindingRecord, Report
 from pdpatrol.missions.report.wording import existence_text, kind_text, site_text
 
 
-def findings_table(report: Report) -> Table:
+def findings_table(report: Report) -> FittedTable:
     """Return the table of findings, with their errors where the truth is known."""
     findings = report.findings
     seed = "" if report.seed is None else f", seed {report.seed}"
@@ -24,34 +21,26 @@ def findings_table(report: Report) -> Table:
     return _table(findings, f"Findings: {report.scenario}{seed}", more)
 
 
-def candidates_table(report: Report) -> Table:
+def candidates_table(report: Report) -> FittedTable:
     """Return the table of sources that were detected but not confirmed."""
     title = "Not confirmed: detected from too few directions, from too far away, or beyond the fence"
     return _table(report.candidates, title, {"state": [finding.state for finding in report.candidates]})
 
 
-def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[str]]) -> Table:
+def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[str]]) -> FittedTable:
     columns = {
         "#": [str(finding.id) for finding in findings],
         "x, y, z\n(m)": ["{:.2f}, {:.2f}, {:.2f}".format(*finding.position_m) for finding in findings],
         "95 %\n± (m)": [f"{finding.ellipse95.semi_major_m:.2f}" for finding in findings],
-        "exists": [existence_text(finding).replace(", ", ",\n") for finding in findings],
+        "exists": [existence_text(finding) for finding in findings],
     }
     if any(finding.sites or finding.state == "outside" for finding in findings):
-        columns["site"] = [_folded(site_text(finding)) for finding in findings]
+        columns["site"] = [site_text(finding).replace(", ", "\n") for finding in findings]
     if any(finding.discharge for finding in findings):
-        columns["kind"] = [kind_text(finding).replace(" ", "\n", 1) for finding in findings]
+        columns["kind"] = [kind_text(finding) for finding in findings]
     columns |= more
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in columns:
-        is_text = heading in ("site", "kind", "state")
-        table.add_column(heading, justify="left" if is_text else "right", overflow="fold", no_wrap=heading != "site")
+    texts = ("site", "kind", "state")
+    table = FittedTable(title, {heading: "left" if heading in texts else "right" for heading in columns})
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
     return table
-
-
-def _folded(sites: str) -> str:
-    """Break sites into lines after slashes and before percentages, and lines of 19 characters or more after `_`."""
-    lines = re.sub(r"(?=.{19}).{1,14}_", r"\g<0>\n", sites.replace("/", "/\n").replace(", ", "\n"))
-    return re.sub(r" (?=[<>]|\d+ %)(?<![<>] )", "\n", lines)

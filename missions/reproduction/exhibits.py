@@ -212,6 +212,7 @@ def field_test(trials: Trials) -> Iterator[Exhibit]:
         arrays = [HelicalArray.draw(config, rng) for _ in range(n_draws)]
         with_ten.append(_errors_deg(scenario, source, arrays, rng))
         with_one.append(_errors_deg(scenario, source, one_array, rng))
+        trials.advance(1.0)
 
     measured = [*with_ten, np.mean(with_ten, axis=0), np.mean(with_one, axis=0)]
     rows = [

@@ -34,21 +34,26 @@ COLUMNS = ("paper", "paper's method", "best method", "unrounded")
 """Headings of the numbers of a row."""
 
 
-def reproduce(trials: int, seed: int, advance: Callable[[], None]) -> list[Exhibit]:
+def n_cells() -> int:
+    """Return the number of cells of all exhibits, each of which has trials of its own."""
+    rows = [published()[name]["rows"] for name in ("table1", "table3", "fig5", "fig7", "phase_method", "sample_rate")]
+    return sum(map(len, [*rows, published()["sample_rate"]["phase_rows"]]))
+
+
+def reproduce(trials: int, seed: int, advance: Callable[[float], None]) -> list[Exhibit]:
     """Make every exhibit of the paper on all cores; the results depend on the seed alone.
 
     Args:
         trials: Trials of each cell, >= 1; the paper has 3600.
         seed: Seed of all trials.
-        advance: Called when one of `PARTS` is finished.
+        advance: Called with the share of a cell of which trials are finished; all shares add up to `n_cells()`.
     """
     cancelled, made = Event(), list[Exhibit]()
-    settings = Trials(trials, seed, cancelled)
+    settings = Trials(trials, seed, cancelled, advance)
     with threadpool_limits(limits=1), ThreadPoolExecutor(os.cpu_count()) as pool:
         try:
             for part in pool.map(lambda make: list(make(settings)), PARTS):
                 made += part
-                advance()
         finally:
             cancelled.set()
     return made

@@ -39,11 +39,13 @@ class Trials:
         n: Number of trials for each cell, >= 1.
         seed: Seed. Each cell has a separate random generator, so that cells do not depend on each other.
         cancelled: Event that another thread sets to end the trials.
+        advance: Called with the share of a cell of which trials are finished.
     """
 
     n: int
     seed: int
     cancelled: Event
+    advance: Callable[[float], None]
 
     def rng(self, exhibit: int, cell: int) -> np.random.Generator:
         """Return the random generator of one cell."""
@@ -61,7 +63,9 @@ class Trials:
         for first in range(0, self.n, chunk):  # chunks limit the memory; their size affects the draws
             if self.cancelled.is_set():
                 raise InterruptedError
-            parts.append(draw(min(chunk, self.n - first), rng))
+            n = min(chunk, self.n - first)
+            parts.append(draw(n, rng))
+            self.advance(n / self.n)
         return [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
 
 

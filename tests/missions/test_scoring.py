@@ -197,20 +197,25 @@ def test_tables_show_ids_and_mark_false_findings() -> None:
 LONG = "autotransformer_of_the_eastern_switchgear/medium_voltage_bushing_of_phase_3"
 
 
-def test_table_fits_eighty_columns() -> None:
+@pytest.mark.parametrize(
+    ("width", "name"), [(60, "breaker_1/lower_bushing"), (80, LONG), (80, "breaker_1/pole"), (120, LONG), (200, LONG)]
+)
+def test_table_uses_the_width_there_is(width: int, name: str) -> None:
     void = {
         "kind": "void", "confidence": 0.97, "shift_deg": 0.0, "phase_step_deg": 10.0, "lowest_db": 0.0,
         "level_step_db": 2.0, "counts": ((1,) * 36,),
     }  # fmt: skip
     report = report_of(
-        [finding(123.45, 167.89, sites=({"name": LONG, "probability": 0.999},), discharge=void, number=12)],
+        [finding(123.45, 167.89, sites=({"name": name, "probability": 0.999},), discharge=void, number=12)],
         [],
         (123.0, 167.5),
     )
-    shown = lines(findings_table(report), width=80)
-    for part in LONG.replace("/", "_").split("_"):
+    shown = lines(findings_table(report), width)
+    for part in name.replace("/", "_").split("_"):
         assert any(part in line for line in shown), part
-    assert all(len(line) <= 80 and "\u2026" not in line for line in shown)
-    heading = " ".join(shown[1:3])
+    assert all(len(line) <= width and "\u2026" not in line for line in shown)
+    fits = width == 200 or name == "breaker_1/pole"
+    assert any(f"{name} > 99 %" in line for line in shown) == fits
+    heading = " ".join(shown[1:4])
     assert heading.count("(m)") == 3
     assert "(s)" in heading

@@ -23,7 +23,7 @@ def gap_table(gap: Gap) -> Table:
     """Return the table of the terminal."""
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("quantity")
-    for heading in ("recording", "interval", "scenario", ""):
+    for heading in ("recording", "interval", "scenario", "verdict"):
         table.add_column(heading, justify="right", overflow="fold")
     for row in gap.rows:
         cells = [_text(row.estimate, row.unit), _interval(row), _text(row.expected, row.unit)]
