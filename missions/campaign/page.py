@@ -25,7 +25,7 @@ COLOURS = {
 }
 """Colour of a discharge, by the change since earlier inspections."""
 
-HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "a week\n(dB)", "Rate\n(1/s)", "a week\n(%)")
+HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "growth\n(dB/week)", "Rate\n(1/s)", "growth\n(%/week)")
 """Column headings for `summary_row`; a terminal shows them on two lines."""
 
 

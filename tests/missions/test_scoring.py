@@ -198,7 +198,7 @@ LONG = "autotransformer_of_the_eastern_switchgear/medium_voltage_bushing_of_phas
 
 
 @pytest.mark.parametrize(
-    ("width", "name"), [(60, "breaker_1/lower_bushing"), (80, LONG), (80, "breaker_1/pole"), (120, LONG), (200, LONG)]
+    ("width", "name"), [(60, "breaker_1/lower_bushing"), (80, LONG), (120, "breaker_1/pole"), (120, LONG), (200, LONG)]
 )
 def test_table_uses_the_width_there_is(width: int, name: str) -> None:
     void = {
