@@ -107,7 +107,7 @@ def draw_zones(axes: Axes, zones: Sequence[ZoneConfig]) -> None:
 
 
 def draw_waypoints(axes: Axes, route: Mapping[str, Any], size_pt: float = 6.0) -> None:
-    """Draw dock and waypoints, with numbers of a font size; of waypoints at the same place, the first has its number."""
+    """Draw dock and waypoints with numbers of a font size; of several at one place, the first has its number."""
     axes.plot(*route["dock_m"], "s", color=ROUTE, markersize=7, label="dock", zorder=5)
     style: Any = {"color": "white", "markeredgecolor": ROUTE, "markersize": 1.6 * size_pt, "zorder": 5}
     for number, place_m in enumerate(route["waypoints_m"], start=1):
