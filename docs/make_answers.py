@@ -86,6 +86,24 @@ def test_table() -> str:
     return markdown(["level", *headings], [[each["scenario or level"], *(each[h] for h in headings)] for each in texts])
 
 
+def accuracy() -> str:
+    """Answer in one sentence, and one table of both parts of the suite, how accurate the default policy is."""
+    headings = (
+        "missions", "found (%)", "within 0.3 m (%)", "median error (m)", "95 % below (m)", "coverage 2-D 95 %",
+        "time to confirm (s)", "false",
+    )  # fmt: skip
+    parts = {"test, not used for tuning": "test", "public": "public"}
+    texts = {part: cells(summarise_groups(rows_of(name))[-1]) for part, name in parts.items()}
+    values = {heading: text.partition(" (")[0] for heading, text in texts["test, not used for tuning"].items()}
+    sentence = (
+        f"**In {values['missions']} simulated missions, in yards that were not used for tuning, the robot found "
+        f"{values['found (%)']} % of the discharges with a median position error of {values['median error (m)']} m, "
+        f"and reported {values['false']} discharges that do not exist.**"
+    )
+    lines = [[part, *(each[heading] for heading in headings)] for part, each in texts.items()]
+    return f"{sentence}\n\n{markdown(['part of the suite', *headings], lines)}"
+
+
 def levels_table() -> str:
     """Make a table of the scores of `seek` on the public suite."""
     headings = (
@@ -127,6 +145,7 @@ def draw() -> None:
 def main() -> None:
     """Update the tables and figures, or check the tables."""
     tables = {
+        "accuracy": accuracy(),
         "worth": worth_table(),
         "policies": policies_table(),
         "levels": levels_table(),
