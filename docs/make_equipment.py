@@ -18,20 +18,22 @@ MARKS = re.compile(r"(<!-- kinds -->\n).*(<!-- end -->\n)", re.DOTALL)
 
 
 def kinds_table() -> str:
-    """Return a table of all kinds: what they are, their sizes, sites, and the source of the sizes."""
-    headings = ("kind", "what it is", "size without `kv`", *(f"{kv} kV" for kv in VOLTAGES), "sites", "source")
-    return markdown(list(headings), [_row(kind) for kind in sorted(CATALOGUE)])
+    """Return a table of all kinds: what they are, their pictures, sizes and sites, and the source of the sizes."""
+    headings = ("kind", "picture", "length x width x height (m)", "sites", "source of the size")
+    return markdown(headings, [_row(kind) for kind in sorted(CATALOGUE)])
 
 
 def _row(kind: str) -> list[str]:
     shape = CATALOGUE[kind]
-    levels: list[Kv | None] = [None, *(VOLTAGES if shape.build_for else ())]
-    sizes = [_size(kind, kv) for kv in levels]
+    levels: list[Kv | None] = [None] if shape.build else []
+    levels += VOLTAGES if shape.build_for else ()
+    names = ["" if len(levels) == 1 else "without `kv`: " if kv is None else f"{kv} kV: " for kv in levels]
+    sizes = [f"{name}{_size(kind, kv)}" for name, kv in zip(names, levels, strict=True)]
     sites = dict.fromkeys(re.sub(r"[_0-9]*$", "", site) for kv in levels for site in assemble(kind, None, kv).sites)
-    first = "as 110 kV" if shape.build is None else sizes[0]
     stretches = ", any length" if shape.stretches else ""
-    cells = [f"`{kind}`", shape.title + stretches, first, *(sizes[1:] or [""] * len(VOLTAGES))]
-    return [*cells, ", ".join(f"`{site}`" for site in sites), shape.source]
+    picture = f"![{kind} next to a robot](../pictures/equipment/{kind}.jpg)"
+    site_names = ", ".join(f"`{site}`" for site in sites) or "none"
+    return [f"`{kind}`<br>{shape.title}{stretches}", picture, "<br>".join(sizes), site_names, shape.source]
 
 
 def _size(kind: str, kv: Kv | None) -> str:

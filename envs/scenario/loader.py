@@ -1,12 +1,15 @@
 """Loading of scenario files, with one line per error, and their JSON Schema."""
 
+import ast
+import inspect
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, meant, read_toml
@@ -110,12 +113,46 @@ def restore_scenario(data: Mapping[str, Any], place: str = "") -> Scenario:
         raise ScenarioError([f"{place}{line}" for line in error_lines(error, Scenario, data)]) from None
 
 
-def schema_text() -> str:
-    """Return the JSON Schema of scenario files, draft 2020-12, as the text of docs/schemas/scenario.schema.json.
+def scenario_schema() -> dict[str, Any]:
+    """Return the JSON Schema of scenario files, draft 2020-12.
 
-    The schema covers every table, key, type and bound. Only `load_scenario` checks combinations of keys, and the
-    contents of other files.
+    The schema covers every table, key, type, bound and description. Only `load_scenario` checks combinations of keys,
+    and the contents of other files.
     """
     schema = Scenario.model_json_schema()
     schema["required"].remove("name")  # defaults to the name of the file
-    return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2) + "\n"
+    models = {model.__name__: model for model in _subclasses(BaseModel)}
+    for name, table in {"Scenario": schema, **schema["$defs"]}.items():
+        texts = _docstrings_of_keys(models[name])
+        for key, properties in table["properties"].items():
+            if key in texts:
+                properties["description"] = texts[key]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def schema_text() -> str:
+    """Return the schema as the text of docs/schemas/scenario.schema.json."""
+    return json.dumps(scenario_schema(), indent=2) + "\n"
+
+
+def _subclasses(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    for each in model.__subclasses__():
+        yield each
+        yield from _subclasses(each)
+
+
+def _docstrings_of_keys(model: type[BaseModel]) -> dict[str, str]:
+    """Return the docstring of each key of a model and its bases.
+
+    Pydantic can read them as well (`use_attribute_docstrings`), but does so at import, which takes 0.4 s.
+    """
+    texts = dict[str, str]()
+    for base in reversed(model.__mro__):
+        if not base.__module__.startswith("pdpatrol."):
+            continue
+        (definition,) = ast.parse(inspect.getsource(base)).body
+        assert isinstance(definition, ast.ClassDef)
+        for key, text in pairwise(definition.body):
+            if isinstance(key, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                texts[ast.unparse(key.target)] = " ".join(str(text.value.value).split())
+    return texts

@@ -1,41 +1,26 @@
 """Scenario tables of the bearing estimator and the Locator."""
 
-from dataclasses import fields
-from math import radians
+from math import degrees, radians
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, create_model, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from dirmusic import ESTIMATORS
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.sensing.quantities import PATH_PATTERN, Config, FilePath
 
-BOUNDS = {
-    "refit_s": (0.01, 86_400.0),
-    "max_pulses": (2, 2000),
-    "max_std_deg": (0.0, 360.0),
-    "confirm_probability": (0.0, 1.0),
-    "confirm_aperture_deg": (0.0, 360.0),
-    "confirm_semi_major_m": (0.0, 10_000.0),
-    "confirm_range_m": (0.0, 10_000.0),
-    "merge_m": (0.0, 10_000.0),
-}
-"""Minimum and maximum values of the rules of the Locator; angles in degrees."""
+RULES = LocatingRules()
+"""Rules with their defaults."""
+
+Metres = Annotated[float, Field(ge=0.0, le=10_000.0)]
+Degrees = Annotated[float, Field(ge=0.0, le=360.0)]
 
 
-def _optional_rules() -> dict[str, Any]:
-    """Define an optional key for each rule of the Locator: its type, its bounds, and None as the default."""
-    keys = dict[str, Any]()
-    for rule in fields(LocatingRules):
-        key = rule.name.replace("_rad", "_deg")
-        low, high = BOUNDS[key]
-        keys[key] = type(rule.default) | None, Field(default=None, ge=low, le=high)
-    return keys
-
-
-OptionalRules = create_model("OptionalRules", __base__=Config, **_optional_rules())
+def _default(value: float) -> Any:  # noqa: ANN401 - a field of pydantic
+    """Return a field that is None unless it is given, and whose JSON Schema states the default of the rule."""
+    return Field(default=None, json_schema_extra={"default": value})
 
 
 def _check_estimator(method: str) -> str:
@@ -48,19 +33,34 @@ class EstimatorConfig(Config):
     """Bearing estimator: a built-in one by name, or `my_file.py:MyEstimator` or `package.module:MyEstimator`."""
 
     method: Annotated[FilePath, AfterValidator(_check_estimator)] = "maximum_likelihood"
+    """`maximum_likelihood`; `music`, the method of the paper; `sub_bands`, which needs `receiver.n_bands`; `strongest`,
+    the boresight of the strongest element; or your own, `my_file.py:MyEstimator` or `package.module:MyEstimator`."""
 
 
 def _read_calibration(given: object) -> object:
     return read_calibration(Path(given)) if isinstance(given, str) else given
 
 
-class LocatingConfig(OptionalRules):
-    """The Locator and its rules.
+class LocatingConfig(Config):
+    """The Locator and its rules, those of `dirmusic.locating.rules` with angles in degrees."""
 
-    `dirmusic.locating.rules` documents the rules and their defaults. Names are the same except that angles end in
-    `_rad` there and in `_deg` here.
-    """
-
+    refit_s: Annotated[float, Field(ge=0.01, le=86_400.0)] | None = _default(RULES.refit_s)
+    """Time between fits."""
+    max_pulses: Annotated[int, Field(ge=2, le=2000)] | None = _default(RULES.max_pulses)
+    """Largest number of groups of pulses of one finding in a fit. The pulses of a group share a place, a heading and a
+    direction."""
+    max_std_deg: Degrees | None = _default(round(degrees(RULES.max_std_rad), 6))
+    """Largest standard deviation of a direction that is used. False alarms from noise have a larger one."""
+    confirm_probability: Annotated[float, Field(ge=0.0, le=1.0)] | None = _default(RULES.confirm_probability)
+    """Smallest existence probability of a confirmed finding."""
+    confirm_aperture_deg: Degrees | None = _default(round(degrees(RULES.confirm_aperture_rad), 6))
+    """Smallest angle over which the lines of sight to a confirmed finding must spread."""
+    confirm_semi_major_m: Metres | None = _default(RULES.confirm_semi_major_m)
+    """Largest semi-major axis of the 95 % ellipse of a confirmed finding."""
+    confirm_range_m: Metres | None = _default(RULES.confirm_range_m)
+    """Horizontal distance within which routes and reports expect a source to be confirmed."""
+    merge_m: Metres | None = _default(RULES.merge_m)
+    """Distance within which two findings are merged."""
     locator: FilePath | None = None
     """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""

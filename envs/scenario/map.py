@@ -27,6 +27,7 @@ class MovedPiece(Config):
     """Piece of equipment that the map shows at a wrong position."""
 
     name: Name
+    """Name of the piece of equipment."""
     by_m: tuple[Coordinate, Coordinate]
     """Displacement on the map relative to the true position, world frame."""
 
@@ -47,6 +48,7 @@ class MapConfig(Config):
     extra: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
     """Pieces on the map that do not exist in the yard."""
     moved: tuple[MovedPiece, ...] = Field(default=(), max_length=MOST_PIECES)
+    """Pieces that the map shows at a wrong position."""
 
     def of(self, yard: Yard) -> Yard:
         """Return the yard as the map shows it, or `yard` itself if the map is correct.

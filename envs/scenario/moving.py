@@ -31,11 +31,15 @@ class MovingConfig(Config):
     """
 
     name: Name
+    """Name of the person or vehicle, used once."""
     kind: MovingKind
+    """`person`, or `vehicle`: a van of 4.5 x 1.9 m."""
     path_m: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=2, max_length=100)]
     """Corners of the path, world frame."""
     speed_mps: Annotated[float, Field(ge=0.05, le=10.0)]
+    """Speed along the path."""
     loop: bool = False
+    """Go on from the last point to the first, instead of back along the path."""
     pause_s: tuple[Pause, Pause] = (0.0, 0.0)
     """Shortest and longest pause; each pause is drawn uniformly."""
 

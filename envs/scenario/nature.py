@@ -35,8 +35,11 @@ class TruePoseConfig(Config):
     """
 
     position_std_m: MetreError | None = None
+    """True standard deviation of the position, along x and along y."""
     heading_std_deg: AngleError | None = None
+    """True standard deviation of the heading."""
     correlation_s: CorrelationTime | None = None
+    """True time in which the correlation of the errors falls to 1/e."""
     position_bias_m: tuple[Offset, Offset] = (0.0, 0.0)
     """Constant error, robot frame: forward and left, as of a lidar that is mounted elsewhere than stated."""
     heading_bias_deg: Degree = 0.0
@@ -47,11 +50,14 @@ class TruePoseConfig(Config):
     """Rotation of that frame about the dock, counter-clockwise, before the displacement."""
 
     jumps_per_min: PerMinute = 0.0
+    """Mean number of jumps of the pose per minute."""
     jump_std_m: MetreError = 0.0
     """Standard deviation by which the error jumps along x and along y. It then decays with the correlation time, as
     when a scan is matched to the wrong place and the localisation recovers."""
     jump_std_deg: AngleError = 0.0
+    """Standard deviation by which the heading jumps."""
     dropouts_per_min: PerMinute = 0.0
+    """Mean number of dropouts per minute."""
     dropout_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = 0.0
     """Duration of each dropout, during which the pose is dead-reckoned by wheels and gyro."""
 
@@ -90,9 +96,13 @@ class TrueBatteryConfig(Config):
     """
 
     capacity_wh: Capacity | None = None
+    """True energy of the full battery."""
     idle_w: Power | None = None
+    """True constant load."""
     drive_j_per_m: EnergyPerMetre | None = None
+    """True energy per metre against rolling resistance."""
     charge_w: Power | None = None
+    """True power into the battery at the dock."""
 
     def applied_to(self, believed: BatteryConfig) -> BatteryConfig:
         """Return the believed battery with the true values."""

@@ -13,7 +13,7 @@ class RadioConfig(Config):
     """Also trace waves that are reflected by two walls in turn. They arrive late and weak, and take time to compute.
     Waves that are reflected by the ground and one wall are always traced."""
     ground: GroundName = "gravel"
-    """True material of the ground, see `sensing.radio.materials.GROUNDS`. The robot does not know it: its map, planner
+    """True material of the ground. The robot does not know it: its map, planner
     and Locator do not change with it."""
 
 

@@ -52,12 +52,15 @@ class RobotConfig(Config):
 class PoseSensorConfig(Config):
     """Pose error as the robot believes it: standard deviations and correlation time.
 
-    Assumed; typical of lidar localisation in a map. True errors may differ; see `TruePoseConfig`.
+    Assumed; typical of lidar localisation in a map. True errors may differ; see `[nature.pose_sensor]`.
     """
 
     position_std_m: MetreError = 0.05
+    """Standard deviation of the position, along x and along y."""
     heading_std_deg: AngleError = 0.5
+    """Standard deviation of the heading."""
     correlation_s: CorrelationTime = 5.0
+    """Time in which the correlation of the errors falls to 1/e."""
     frame_offset_std_m: Annotated[float, Field(ge=0.01, le=1.0)] = 0.3
     """Standard deviation, along x and along y, of the displacement of the localisation's frame against the map.
 
@@ -105,6 +108,7 @@ class LidarConfig(Config):
     """Standard deviation of a lidar range. Assumed; typical of a small time-of-flight scanner."""
 
     range_std_m: MetreError = 0.02
+    """Standard deviation of a range."""
 
 
 Capacity = Annotated[float, Field(ge=0.01, le=1e6)]
@@ -113,7 +117,7 @@ EnergyPerMetre = Annotated[float, Field(ge=0.0, le=1e5)]
 
 
 class BatteryConfig(Config):
-    """Battery, its loads and its charger as the robot believes them; see `TrueBatteryConfig`.
+    """Battery, its loads and its charger as the robot believes them; see `[nature.battery]`.
 
     The motors of the simulation add what acceleration and skidding take: 0.3 W on patrols of the inspector, 9 W on
     those of the crawler. The robot measures the sum while it drives.

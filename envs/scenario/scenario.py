@@ -67,12 +67,13 @@ class RouteConfig(Config):
     """Dock and patrol route of the robot. Without waypoints, the robot stays at its dock."""
 
     dock_m: Place
+    """Position of the dock, where the mission starts and ends."""
     dock_yaw_deg: Degree | None = None
     """Heading at the start, counter-clockwise from x; by default drawn for each mission."""
     waypoints_m: Waypoints = ()
     """Waypoints in order, or `"planned"` to plan them on the map when the mission starts, as `pdpatrol plan` does."""
     dwell_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
-    """Time for which the robot stands and listens at each waypoint, for discharges of few pulses."""
+    """Time for which the robot stands and receives at each waypoint, for discharges of few pulses."""
 
     @property
     def stops_m(self) -> tuple[tuple[float, float], ...]:
@@ -102,6 +103,7 @@ class TaskConfig(Config):
     """Success criteria, time limit and reward. All defaults are assumed."""
 
     time_limit_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 600.0
+    """Longest duration of the mission, simulated time."""
     standoff_m: Distance = 2.5
     """Horizontal distance within which a source counts as approached."""
     waypoint_radius_m: Distance = 0.6
@@ -118,16 +120,21 @@ class Scenario(Config):
     """A yard, the sources in it, a patrol route, and the properties of robot, array and receiver."""
 
     name: MissionName
+    """Name of the scenario; by default that of its file."""
     yard: Yard
     map: MapConfig = MapConfig()
     route: RouteConfig
     zones: tuple[ZoneConfig, ...] = Field(default=(), max_length=100)
+    """Parts of the yard with a speed limit."""
     array: ArrayConfig
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
     sources: tuple[SourceConfig, ...] = Field(default=(), max_length=64)
+    """Discharges."""
     interferers: tuple[InterfererConfig, ...] = Field(default=(), max_length=64)
+    """Sources of impulses that are not discharges."""
     carriers: tuple[CarrierConfig, ...] = Field(default=(), max_length=16)
+    """Narrowband transmitters."""
     receiver: ReceiverConfig = ReceiverConfig()
     radio: RadioConfig = RadioConfig()
     pose_sensor: PoseSensorConfig = PoseSensorConfig()
@@ -138,6 +145,7 @@ class Scenario(Config):
     inspection: InspectionConfig = InspectionConfig()
     campaign: CampaignConfig = CampaignConfig()
     georeference: GeoreferenceConfig | None = None
+    """Position on Earth, by default unknown."""
     survey: SurveyConfig = SurveyConfig()
     nature: NatureConfig = NatureConfig()
     locating: LocatingConfig = LocatingConfig()

@@ -73,16 +73,20 @@ class ChangeConfig(Config):
     """Change of a source at some time of the mission; keys that are absent keep their value."""
 
     at_s: MissionSecond
+    """Time of the change."""
     amplitude_db: Annotated[float, Field(ge=-60.0, le=60.0)] | None = None
     """Level from then on, relative to the amplitude at the start."""
     pulse_rate_hz: PulseRate | None = None
+    """Mean number of pulses per second from then on."""
     kind: KindName | None = None
+    """Kind of discharge from then on."""
 
 
 class EmitterConfig(Config):
     """Source of pulses: what discharges and interferers have in common."""
 
     name: Name
+    """Name of the source, used once among sources and interferers."""
     amplitude_range_db: RangeDecibel = 6.0
     """Width of the range around `amplitude_v` from which the amplitude is drawn per mission."""
     pulse_rate_hz: PulseRate = 20.0
@@ -110,7 +114,10 @@ class SourceConfig(EmitterConfig):
     """Discharge on a site drawn from `sites`, at a given position, or above free ground."""
 
     sites: tuple[SiteChoice, ...] = Field(default=(), max_length=MOST_PIECES * MOST_SITES)
+    """Sites, of which one is drawn per mission: `equipment/site`, or `equipment/*` for all sites of a piece. Give
+    one of `sites`, `position_m` and `anywhere_at_m`."""
     position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    """Fixed position, world frame, z from the ground."""
     anywhere_at_m: Height | None = None
     """Height above the ground, over a place on free ground that is drawn per mission."""
     amplitude_v: PeakVolt = 0.27
@@ -119,6 +126,7 @@ class SourceConfig(EmitterConfig):
     changes: Annotated[tuple[ChangeConfig, ...], Field(min_length=1, max_length=100)] | None = None
     """Changes of level, rate and kind in the course of the mission, in order of time."""
     drift_db_per_min: DriftDecibel = 0.0
+    """Change of the amplitude in the course of the mission."""
     growth_db_per_week: DriftDecibel = 0.0
     """Growth of the amplitude over the weeks of the campaign."""
     rate_growth_per_week: RateGrowth = 0.0
@@ -126,6 +134,7 @@ class SourceConfig(EmitterConfig):
     n_shots: int | None = Field(default=None, ge=1, le=1_000_000)
     """Makes the source a discharge gun, with this many pulses at the pulse rate from `first_shot_s` on."""
     first_shot_s: MissionSecond = 0.0
+    """Time of the first pulse of a discharge gun."""
 
     @property
     def max_pulse_rate_hz(self) -> float:
@@ -176,7 +185,9 @@ class InterfererConfig(EmitterConfig):
     """
 
     position_m: FarPosition
+    """Position, world frame, z from the ground; of a moving interferer, that at the start."""
     amplitude_v: PeakVolt
+    """Peak of a pulse in a unit-gain channel 1 m away."""
     burst_s: Annotated[float, Field(ge=0.0, le=1e-3)] = 0.0
     """Length of each burst of an in-band carrier, as from a switch or a radar; 0 for impulses like those of a
     discharge."""
@@ -184,6 +195,7 @@ class InterfererConfig(EmitterConfig):
     """Further points of the path of a moving interferer, such as traffic. It starts at `position_m`, moves along
     straight lines to the last point, and back and forth from then on."""
     speed_mps: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
+    """Speed along `path_m`; required with it."""
 
     @property
     def max_pulse_rate_hz(self) -> float:
@@ -209,7 +221,9 @@ class CarrierConfig(Config):
     """Distant narrowband transmitter that is always on, such as the one at 948 MHz in the Dir-MUSIC paper."""
 
     name: Name
+    """Name of the transmitter."""
     frequency_hz: Hertz = 948e6
+    """Frequency, below half the sampling rate."""
     amplitude_v: Volt
     """Peak in a unit-gain channel at the array, before the band-pass filter."""
     bearing_deg: Degree

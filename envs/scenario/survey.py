@@ -39,7 +39,9 @@ class SurveyConfig(Config):
     voltage: Text | None = None
     """Nominal voltages of the site, such as `110/20 kV`."""
     report_number: Text | None = None
+    """Number of the report."""
     revision: Text | None = None
+    """Revision of the report."""
     inspector: Text | None = None
     """Who made the survey, with qualification."""
     weather: Text | None = None

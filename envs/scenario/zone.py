@@ -14,6 +14,7 @@ class ZoneConfig(Config):
     """Part of the yard in which the robot drives slowly, such as a walkway or a place with loose gravel."""
 
     name: Name
+    """Name of the zone, used once."""
     polygon_m: PolygonCorners
     """Corners in order, world frame; sides must not cross."""
     limit_mps: Annotated[float, Field(ge=0.05, le=10.0)]

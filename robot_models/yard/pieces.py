@@ -38,10 +38,15 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
     """A piece of equipment with a name, a kind, and a position on the ground."""
 
     name: Name
-    position_m: tuple[Coordinate, Coordinate] = Field(description="centre of the footprint, world frame")
+    """Name of the piece, used once in the yard."""
+    position_m: tuple[Coordinate, Coordinate]
+    """Centre of the footprint, world frame: x east, y north."""
     yaw_deg: Yaw = 0.0
-    asset_id: AssetId | None = Field(default=None, description="number in the register of the owner, for reports")
-    phase: PhaseName | None = Field(default=None, description="phase of the mains, for reports")
+    """Rotation about the centre, counter-clockwise; at 0 the x axis of the piece points east."""
+    asset_id: AssetId | None = None
+    """Number in the register of the owner, for reports."""
+    phase: PhaseName | None = None
+    """Phase of the mains, for reports."""
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -86,12 +91,14 @@ def placed_solids(pieces: Sequence[_Equipment]) -> YardSolids:
 class _PlainEquipment(_Equipment, frozen=True):
     """A single solid on the ground."""
 
-    kind: Name = Field(description="kind of equipment, for example power_transformer")
+    kind: Name
+    """Kind of equipment, which determines its material and colour."""
     height_m: Height
-    kv: NominalKv | None = Field(default=None, description="nominal voltage, for reports")
-    sites: Sites = Field(
-        default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
-    )
+    """Height above the ground."""
+    kv: NominalKv | None = None
+    """Nominal voltage, for reports."""
+    sites: Sites = Field(default_factory=dict)
+    """Discharge sites on the surface by name: x and y from the centre in the frame of the piece, z from the ground."""
 
     @model_validator(mode="after")
     def _sites_lie_on_the_surface(self) -> Self:
@@ -113,7 +120,9 @@ class BoxEquipment(_PlainEquipment, frozen=True):
     """A single box, such as a tank, a cabinet or a building."""
 
     shape: Literal["box"]
-    footprint_m: tuple[Length, Length] = Field(description="length along x and y of the equipment frame")
+    """States that the piece is a single box."""
+    footprint_m: tuple[Length, Length]
+    """Length along the x axis and width along the y axis of the piece."""
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -125,7 +134,9 @@ class CylinderEquipment(_PlainEquipment, frozen=True):
     """A single upright cylinder, such as a bushing, a current transformer or a tank."""
 
     shape: Literal["cylinder"]
+    """States that the piece is a single upright cylinder."""
     radius_m: Length
+    """Radius of the cylinder."""
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -137,11 +148,13 @@ class CatalogueEquipment(_Equipment, frozen=True):
     """Equipment of a kind whose shape and sites are in the catalogue, see `robot_models/equipment`."""
 
     shape: Literal["catalogue"] = "catalogue"
+    """May be left out: the kind determines the shape."""
     kind: Name
-    length_m: StretchedLength | None = Field(
-        default=None, description="length along x of its own frame, if the kind can be stretched"
-    )
-    kv: Kv | None = Field(default=None, description="nominal voltage, if the size of the kind depends on it")
+    """Kind of equipment from the catalogue."""
+    length_m: StretchedLength | None = None
+    """Length along the x axis of the piece, for kinds of any length; by default that of the catalogue."""
+    kv: Kv | None = None
+    """Voltage level, for kinds whose size depends on it; by default the size of a compact 110 kV yard."""
 
     @model_validator(mode="after")
     def _is_in_the_catalogue(self) -> Self:

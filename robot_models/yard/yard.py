@@ -49,13 +49,12 @@ class Yard(
 ):
     """Fenced yard with equipment."""
 
-    size_m: tuple[YardLength, YardLength] = Field(
-        description="length along x (east) and y (north), at most 400 m; of a polygonal fence, its extent"
-    )
-    fence_m: PolygonCorners | None = Field(
-        default=None, description="corners of the fence in order, from 0 on along x and y; by default the rectangle"
-    )
+    size_m: tuple[YardLength, YardLength]
+    """Length along x (east) and y (north). Required without `fence_m`, and otherwise its extent."""
+    fence_m: PolygonCorners | None = None
+    """Corners of a polygonal fence in order, with 0 as the lowest x and y; by default the fence is a rectangle."""
     equipment: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
+    """Pieces of equipment: of a kind from the catalogue, or a box or cylinder."""
 
     @model_validator(mode="before")
     @classmethod

@@ -69,22 +69,28 @@ class ArrayConfig(Config):
     elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
     """List of all elements, instead of a ring."""
     ring_radius_m: ArrayMetre = 0.12
+    """Radius of the ring of elements."""
     height_m: ArrayMetre = 0.6
+    """Height of the elements above the ground."""
     pattern: FilePath | None = None
     """Pattern of every element in the data sheet, which direction finding uses: a file, or the name of a shipped
     pattern; by default eq. (1) of the Dir-MUSIC paper. If the pattern covers all directions and frequencies, direction
     finding uses its cut at elevation 0."""
     gain_error: Share = 0.05
+    """Relative standard deviation of the gain of an element."""
     pointing_error_deg: AngleError = 2.0
+    """Standard deviation of the azimuth of a boresight."""
     position_error_m: PlacementError = 0.002
+    """Standard deviation of the position of an element, along each axis."""
     gain_offset: Share = 0.0
+    """Half-width of a uniform error that is added to each gain."""
     serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
     """Serial number of one array built to this data sheet, which has the same errors in every mission. By default each
     mission draws a new array."""
     pattern_error: Share = 0.0
     """Standard deviation that the robot assumes for the difference between the true gain and the data sheet, relative
-    to the largest gain. It applies in the plane and grows off it (`dirmusic.ElementSpread`). It does not change the
-    simulated array; see `TrueArrayConfig`. The computed helices need 0.02."""
+    to the largest gain. It applies in the plane and grows off it. It does not change the simulated array, which is that
+    of `[nature.array]`. The computed helices need 0.02."""
 
     @property
     def n_channels(self) -> int:
@@ -116,13 +122,15 @@ class TrueArrayConfig(Config):
     """Pattern of every element, in the plane or over all directions and frequencies: a file, or the name of a shipped
     pattern."""
     beam_width_scale: Annotated[float, Field(ge=0.7, le=1.5)] = 1.0
-    """Width of the beam relative to that of the pattern, in azimuth and elevation: 1.05 is 5 % wider; see
-    `sensing.array.beam_width.scaled_beam`."""
+    """Width of the beam relative to that of the pattern, in azimuth and elevation: 1.05 is 5 % wider."""
     gain_error: Share | None = None
-    """Standard deviation of the gain errors from which the array is drawn. The next three keys are alike."""
+    """Relative standard deviation from which the gain errors are drawn."""
     pointing_error_deg: AngleError | None = None
+    """Standard deviation from which the errors of the boresights are drawn."""
     position_error_m: PlacementError | None = None
+    """Standard deviation from which the errors of the positions are drawn."""
     gain_offset: Share | None = None
+    """Half-width from which the offsets of the gains are drawn."""
     ring_radius_m: ArrayMetre | None = None
     """True radius of the ring."""
     mount_yaw_deg: Degree = 0.0

@@ -40,6 +40,7 @@ class ReceiverConfig(Config):
     """
 
     sample_rate_hz: SampleRate = 20e9
+    """Samples per second of each channel."""
     band_hz: Band = (1.4e9, 2.2e9)
     """Edges of the band-pass filter, where its loss is 3 dB. The default passes the energy of the pulses, mainly at 1.5
     to 2 GHz, and attenuates the 948 MHz interferer of the Dir-MUSIC paper by 54 dB. With "all" the noise stays white.
@@ -47,12 +48,17 @@ class ReceiverConfig(Config):
     noise_v: Volt = 1e-3
     """Standard deviation of a sample of white noise, before the band-pass filter."""
     pretrigger_samples: int = Field(default=20, ge=1, le=10_000)
+    """Samples of the gate before the strongest channel reaches half its peak."""
     gate_samples: int = Field(default=90, ge=1, le=10_000)
+    """Length of the gate from which the strength of a pulse is computed."""
     longest_echo_s: EchoSecond = 60e-9
     """Largest delay of multipath; the default is a detour of 18 m. A signal three times as long is a burst."""
     false_alarm_rate_hz: FalseAlarmRate = 0.1
+    """False alarms per second due to noise; it sets the threshold of the trigger."""
     mains_hz: MainsHertz = 50.0
+    """Mains frequency to which the phases of pulses are related."""
     bits: int = Field(default=12, ge=2, le=24)
+    """Resolution of the ADC."""
     full_scale_v: Volt = 0.5
     """Largest voltage of the ADC, of either sign; larger pulses are clipped and flagged. With the defaults one count is
     0.86 standard deviations of the noise after the band-pass filter. Above two, rounding errors no longer act like

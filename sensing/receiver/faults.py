@@ -36,14 +36,23 @@ class ChannelFault(Config):
     """
 
     channel: int = Field(ge=1, le=MOST_ELEMENTS)
+    """Number of the channel, from 1."""
     kind: Literal["dead", "gain_drift", "intermittent", "saturation", "swapped", "stuck"]
+    """Kind of fault."""
     start_s: MissionSecond = 0.0
+    """Time at which the fault begins."""
     gain_db: FaultDecibel | None = None
+    """Change of the gain, for `gain_drift` and `intermittent`."""
     ramp_s: MissionSecond = 0.0
+    """Time in which the gain changes, for `gain_drift`."""
     bad_s: Duration | None = None
+    """Duration of the changed gain, for `intermittent`."""
     good_s: Duration | None = None
+    """Duration of the normal gain between, for `intermittent`."""
     level_v: Volt | None = None
+    """Largest output of the amplifier, of either sign, for `saturation`."""
     other: int | None = Field(default=None, ge=1, le=MOST_ELEMENTS)
+    """Channel with which this one is exchanged, for `swapped`."""
 
     @model_validator(mode="after")
     def _check_keys_of_kind(self) -> Self:
@@ -77,6 +86,7 @@ class TrueReceiverConfig(Config):
     """True receiver, where it differs from the believed one."""
 
     faults: tuple[ChannelFault, ...] = Field(default=(), max_length=2 * MOST_ELEMENTS)
+    """Faults of single channels."""
     temperature_drift_db_per_min: Drift = 0.0
     """Drift of the gain that all channels share, as of amplifiers that warm up. It scales signals and not the noise."""
     temperature_spread_db_per_min: Annotated[float, Field(ge=0.0, le=20.0)] = 0.0
