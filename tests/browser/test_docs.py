@@ -1,11 +1,11 @@
-"""Site of the documentation, opened from disk in a browser."""
+"""Site of the documentation, opened from disk in a browser, in both themes and on screens of three widths."""
 
 import shutil
 from pathlib import Path
 
 import pytest
 
-from tests.browser.browser import NEEDS_CHROMIUM, opened
+from tests.browser.browser import NEEDS_CHROMIUM, Theme, opened, picture
 from tests.docs.site import ROOT, build_site
 
 pytest.importorskip("zensical", reason="uv run --group docs")
@@ -13,6 +13,24 @@ pytestmark = [pytest.mark.whole, NEEDS_CHROMIUM]
 
 LEFT = "favicon.png"
 """File that Chromium stops loading if the next page is opened first; `tests/docs` checks that it exists."""
+
+WIDTHS_PX = (1280, 1920, 390)
+SCROLL_FROM_PX = 1000
+"""Narrowest screen on which code and tables are shown in full; on narrower ones they scroll within their own box."""
+
+OUTSIDE = """() => [...document.querySelectorAll('.md-content *')].filter(element => {
+  const box = element.getBoundingClientRect();
+  if (box.width === 0 || box.right <= document.documentElement.clientWidth + 1) return false;
+  for (let outer = element.parentElement; outer; outer = outer.parentElement)
+    if (outer.matches('.md-content *') && getComputedStyle(outer).overflowX !== 'visible') return false;
+  return true;
+}).map(element => `${element.tagName} ${element.textContent.slice(0, 40)}`)"""
+"""Elements that end to the right of the screen and are not within a box that scrolls."""
+
+CUT = """() => [...document.querySelectorAll('.md-content :is(pre, pre > code, table, .md-typeset__scrollwrap)')]
+  .filter(element => element.scrollWidth > element.clientWidth + 1 && getComputedStyle(element).display !== 'inline')
+  .map(element => `${element.tagName} ${element.textContent.slice(0, 40)}`)"""
+"""Blocks of code and tables that are wider than their box."""
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +59,21 @@ def test_every_page_and_the_search_work_from_disk(site: Path) -> None:
         page.wait_for_selector("text=Where on Earth", timeout=60_000)
         assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
         assert [error for error in errors if LEFT not in error] == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_no_page_is_wider_than_the_screen_and_no_code_or_table_is_cut(site: Path, theme: Theme) -> None:
+    files = [file for file in sorted(site.rglob("*.html")) if file.name != "404.html"]
+    faults: list[str] = []
+    with opened((site / "index.html").as_uri(), theme) as (page, _):
+        for file in files:
+            name = file.relative_to(site).with_suffix("").as_posix()
+            page.goto(file.as_uri(), wait_until="load")
+            for width in WIDTHS_PX:
+                page.set_viewport_size({"width": width, "height": 900})
+                picture(page, f"docs-{name.replace('/', '-')}-{width}-{theme}")
+                found = page.evaluate(OUTSIDE) + (page.evaluate(CUT) if width > SCROLL_FROM_PX else [])
+                if page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth"):
+                    found.append("the page itself")
+                faults += [f"{name} at {width} px: {each}" for each in found]
+    assert faults == []

@@ -16,4 +16,8 @@ def test_citation_and_changelog_name_project_version() -> None:
     assert citation["license"] == project["license"]
     assert {"cff-version", "message", "title", "authors", "date-released"} <= set(citation)
     heading = f"## {project['version']} - {citation['date-released']}"
+    bibtex = (ROOT / "docs" / "reference" / "cite.md").read_text(encoding="utf-8").partition("@article")[0]
+    assert f"{{{citation['title']}}}" in bibtex
+    assert f"version = {{{project['version']}}}" in bibtex
+    assert f"year    = {{{citation['date-released']:%Y}}}" in bibtex
     assert heading in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()
