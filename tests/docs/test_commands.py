@@ -16,8 +16,6 @@ from tests.docs.site import ROOT
 from tests.envs.helpers import write_yard
 from tests.test_readme import blocks, commands, run_snippet, served_on_loopback
 
-pytestmark = pytest.mark.whole
-
 DOCS = ROOT / "docs"
 BIN = Path(sys.executable).parent
 LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
@@ -26,20 +24,44 @@ ELSEWHERE = {
     "answers.md": "tests/test_answers.py",
     "suite.md": "tests/envs/scenario/test_suite.py",
     "sweeps.md": "tests/missions/sweep",
-    "how-to/antenna.md": "tests/missions/field/test_turns.py",
+    "how-to/antenna.md": "tests/examples/test_own.py",
+    "how-to/estimator.md": "tests/examples/test_own.py",
+    "how-to/policy.md": "tests/examples/test_own.py",
+    "how-to/robot.md": "tests/examples/test_own.py",
     "how-to/locate.md": "tests/missions/field",
     "how-to/training.md": "tests/examples/test_learning.py",
+    "how-to/learning_libraries.md": "tests/examples/test_learning_libraries.py",
+    "how-to/trend.md": "tests/examples/test_campaign.py",
     "how-to/equipment.md": "tests/robot_models/test_equipment.py",
 }
-"""Pages whose commands are run by other tests, most of them with fewer missions."""
+"""Pages whose commands are run by other tests, most of them with fewer missions or other files."""
 
-PAGES = {file.relative_to(DOCS).as_posix(): file.read_text(encoding="utf-8") for file in sorted(DOCS.rglob("*.md"))}
+NOT_RUN = {
+    "pip install": "changes the installation",
+    "ray ": "needs a cluster of machines; tests/missions/sweep runs the same sweep on a local Ray",
+    "#!/bin/sh": "needs SLURM; tests/missions/sweep runs shards",
+    "#SBATCH": "needs SLURM",
+    "shard=": "needs SLURM",
+    "uv run python -m mujoco.viewer": "opens a window; tests/examples loads the same file",
+}
+"""Beginnings of lines that no test runs, with the reason."""
+
+
+def text_of(file: Path) -> str:
+    """Return the text of a page with the Markdown files that it includes."""
+    included = r'^--8<-- "([^":]+\.md)"$'
+    text = file.read_text(encoding="utf-8")
+    return re.sub(included, lambda found: (ROOT / found[1]).read_text(encoding="utf-8"), text, flags=re.MULTILINE)
+
+
+PAGES = {file.relative_to(DOCS).as_posix(): text_of(file) for file in sorted(DOCS.rglob("*.md"))}
 
 
 def lines(text: str) -> list[str]:
-    """Return the lines of all shell blocks without comments."""
-    shown = [line.split("  #")[0].strip() for block in blocks("sh", text) for line in block.splitlines()]
-    return [line for line in shown if line not in ("", "pip install uv")]
+    """Return the lines of all shell blocks without comments; lines that are continued are joined."""
+    shell = [block.replace("\\\n", " ") for block in blocks("sh", text)]
+    shown = [line.split("  #")[0].strip() for block in shell for line in block.splitlines()]
+    return [line for line in shown if line not in ("", "pip install uv") and not line.startswith(tuple(NOT_RUN))]
 
 
 def sections(text: str) -> dict[str, str]:
@@ -74,6 +96,7 @@ def top(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.whole
 def test_tutorial_runs_from_mission_to_export(top: Path) -> None:
     for title in (LEAVES_MISSION, *FOLLOWING):
         run(TUTORIAL[title], top)
@@ -83,6 +106,7 @@ def test_tutorial_runs_from_mission_to_export(top: Path) -> None:
         run_snippet(snippet, top)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("steps", [*(TUTORIAL[title] for title in ALONE), lines(PAGES["how-to/yard.md"])])
 def test_other_steps_of_the_docs_run(steps: list[str], top: Path) -> None:
     run(steps, top)
@@ -93,8 +117,22 @@ def test_every_command_of_the_docs_is_run_by_a_test() -> None:
     others = {name: text for name, text in PAGES.items() if name not in ELSEWHERE}
     assert [(name, line) for name, text in others.items() for line in lines(text) if line not in known] == []
     assert [place for place in ELSEWHERE.values() if not (ROOT / place).exists()] == []
+    assert [name for name in ELSEWHERE if not lines(PAGES[name])] == []
+    everything = "\n".join(block for text in PAGES.values() for block in blocks("sh", text))
+    assert [start for start in NOT_RUN if f"\n{start}" not in f"\n{everything}"] == []
 
 
+HELP = sections(PAGES["reference/commands.md"])
+
+
+@pytest.mark.parametrize("name", [name for name, text in PAGES.items() if "pdpatrol " in "".join(blocks("sh", text))])
+def test_commands_have_the_verbs_and_options_of_the_command_line(name: str) -> None:
+    for verb, rest in re.findall(r"pdpatrol (\w+)(.*)", "\n".join(blocks("sh", PAGES[name])).replace("\\\n", " ")):
+        unknown = [option for option in re.findall(r" (--[\w-]+)", rest) if f" {option} " not in f"{HELP[verb]} "]
+        assert unknown == [], f"{verb}{rest}"
+
+
+@pytest.mark.whole
 def test_snippets_of_the_yard_page_run(tmp_path: Path) -> None:
     text = PAGES["how-to/yard.md"]
     (snippet,), (scenario, mapping) = blocks("python", text), blocks("toml", text)
@@ -107,6 +145,7 @@ def test_snippets_of_the_yard_page_run(tmp_path: Path) -> None:
     assert len(load_scenario(tmp_path / "yard.toml").yard.equipment) == 2
 
 
+@pytest.mark.whole
 def test_locator_on_its_page_runs_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = PAGES["how-to/locator.md"]
     (code,), (table,) = blocks("python", text), blocks("toml", text)
@@ -120,7 +159,7 @@ def test_locator_on_its_page_runs_a_mission(tmp_path: Path, capsys: pytest.Captu
     assert "s: now 1 candidates and findings" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["how-to/plan.md", "radio.md"])
+@pytest.mark.parametrize("name", ["how-to/long_missions.md", "how-to/plan.md", "radio.md"])
 def test_tables_of_a_page_are_valid_settings(name: str) -> None:
     tables = [tomllib.loads(block) for block in blocks("toml", PAGES[name])]
     assert tables
@@ -134,5 +173,5 @@ def test_pages_with_snippets_are_listed_here() -> None:
     code = {name for name, text in PAGES.items() if blocks("python", text)}
     assert code == {"how-to/yard.md", "how-to/locator.md", "schemas/report.md"}
     settings = {name for name, text in PAGES.items() if any("=" in block for block in blocks("toml", text))}
-    others = {"how-to/locator.md", "how-to/plan.md", "radio.md", "scenarios.md"}
-    assert settings == {"how-to/equipment.md", "how-to/yard.md", *others}
+    here = {"how-to/locator.md", "how-to/long_missions.md", "how-to/plan.md", "how-to/yard.md", "radio.md"}
+    assert settings - set(ELSEWHERE) == {"scenarios.md", *here}
