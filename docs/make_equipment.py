@@ -40,7 +40,7 @@ def _size(kind: str, kv: Kv | None) -> str:
     """Return length x width x height, metres."""
     solids = CatalogueEquipment(name="it", kind=kind, kv=kv, position_m=(0.0, 0.0)).solids
     low_m, high_m = solids.extent_m
-    return " x ".join(
+    return "\u00a0x\u00a0".join(
         f"{round(length_m, 1 if length_m > 1.0 else 2):g}" for length_m in np.append(high_m - low_m, solids.top_m.max())
     )
 

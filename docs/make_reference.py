@@ -132,7 +132,7 @@ def _allowed(value: Mapping[str, Any]) -> str:
     if value["type"] in ("number", "integer"):
         low, high = value.get("minimum", value.get("exclusiveMinimum")), value.get("maximum")
         above = "above " if "exclusiveMinimum" in value else ""
-        return f"{above}{low:.10g} to {high:.10g}" if high < 2**62 else f"{low:g} or more"
+        return f"{above}{low:g} to {high:g}" if high < 2**62 else f"{low:g} or more"
     if value["type"] == "array" and "prefixItems" in value:
         parts = list(dict.fromkeys(_allowed(part) for part in value["prefixItems"]))
         return f"{len(value['prefixItems'])} numbers, {parts[0] if len(parts) == 1 else '; '.join(parts)}"
