@@ -29,11 +29,11 @@ BASIC = ("found (%)", "median error (m)", "coverage 2-D 95 %", "time to confirm 
 QUESTIONS = {
     "elements": (("array.n_elements",), ("bearing RMSE (deg)", *BASIC)),
     "methods": (("estimator.method",), ("bearing RMSE (deg)", *BASIC)),
-    "robots": (("robot.model",), (*BASIC, "path length over shortest", "contacts")),
+    "robots": (("robot.model",), (*BASIC, "path length over shortest", "collisions")),
     "pose": (("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), BASIC),
     "noise": (("receiver.noise_v",), ("bearing RMSE (deg)", *BASIC)),
     "faults": (("nature.receiver.faults",), ("bearing RMSE (deg)", *BASIC)),
-    "speed": (("robot.max_speed_mps",), (*BASIC, "contacts", "missed")),
+    "speed": (("robot.max_speed_mps",), (*BASIC, "collisions", "missed")),
 }
 """Settings that each stored sweep varies, with the one on the axis of its figure first, and columns of its table."""
 
@@ -71,7 +71,7 @@ def policies_table() -> str:
     levels = [level for level in dict.fromkeys(level for level, _ in texts) if level != "quiet"]
     lines = [[str(level), *(texts[level, policy]["found (%)"] for policy in POLICIES)] for level in levels]
     for heading in ("right site (%)", "median error (m)", "time to confirm (s)", "path length over shortest", "false",
-                    "contacts"):  # fmt: skip
+                    "collisions"):  # fmt: skip
         lines.append([f"*all: {heading}*", *(texts[ALL, policy][heading] for policy in POLICIES)])
     return markdown(["found (%)", *POLICIES], lines)
 

@@ -161,7 +161,7 @@ COUNTS = {
     "wrong live (s)": "wrong_s",
     "certified": "n_certified",
     "false all-clear": "n_false_all_clear",
-    "contacts": "contacts",
+    "collisions": "contacts",
     "missed": "waypoints_missed",
 }
 """Totals in a summary, each of a column."""
@@ -195,8 +195,8 @@ def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
         - `path length over shortest`: median ratio of the path length until all sources were confirmed to the shortest
           one, over missions that found all sources and did not start within reach of them
         - `distance (m)`, `OSPA (m)`: mean path length, and mean OSPA distance between findings and sources
-        - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
-          not visited
+        - `false`, `collisions`, `missed`: numbers of findings without a source, of collisions and of waypoints that
+          were not visited
         - `certified`, `false all-clear`: sites listed as inspected, and those of them with a source that was not found
         - `COVERAGES`: share of the found sources in the ellipse or ellipsoid that is stated to hold a share
     """
