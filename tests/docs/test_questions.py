@@ -18,8 +18,6 @@ class Answer(NamedTuple):
     heading: str
 
 
-HAS_SEVERITY = "\n### Severity\n" in (DOCS / "schemas/report.md").read_text(encoding="utf-8")
-SEVERITY = Answer("schemas/report.md", *(("severity", "Severity") if HAS_SEVERITY else ("", "The report")))
 QUESTIONS = {
     "which equipment kinds": Answer("how-to/equipment.md", "all-kinds", "All kinds"),
     "all keys of [receiver]": Answer("reference/scenario_keys.md", "receiver", "`[receiver]`"),
@@ -30,7 +28,7 @@ QUESTIONS = {
     "a policy trained, run and watched": Answer(
         "how-to/training.md", "run-and-watch-the-trained-policy", "Run and watch the trained policy"
     ),
-    "severity rule": SEVERITY,
+    "severity rule": Answer("schemas/report.md", "severity", "Severity"),
     "cite": Answer("reference/cite.md", "", "How to cite"),
     "what is not modelled": Answer("explanation/physics.md", "what-is-not-modelled", "What is not modelled"),
 }
