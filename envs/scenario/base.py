@@ -73,7 +73,15 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         InputFileError: If the file cannot be read, is too large, or is not valid TOML in UTF-8.
     """
-    content = read_whole(path, MAX_FILE_BYTES)
+    return parse_toml(read_whole(path, MAX_FILE_BYTES), path)
+
+
+def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
+    """Parse the content of a TOML file, with or without a byte order mark.
+
+    Raises:
+        InputFileError: If it is not valid TOML in UTF-8; the message names the path.
+    """
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # also raised for huge integers and deep nesting

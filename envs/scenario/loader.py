@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, meant, read_toml
+from pdpatrol.envs.scenario.base import ScenarioError, as_tuples, error_lines, meant, parse_toml, read_toml
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite
 
@@ -66,6 +66,17 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
         inner[key] = as_tuples(value)
     _make_paths_absolute(data, path.absolute().parent)
     return restore_scenario({"name": path.stem, **data}, f"{path}: ")
+
+
+def check_content(content: bytes, path: Path) -> Scenario:
+    """Load a scenario from the content of a file, before it is written to a path.
+
+    Raises:
+        InputFileError: If the content has errors; all of them are listed, without the name of the file.
+    """
+    data = parse_toml(content, path)
+    _make_paths_absolute(data, path.absolute().parent)
+    return restore_scenario({"name": path.stem, **data})
 
 
 def _path_of(scenario: str | Path) -> Path:

@@ -21,6 +21,7 @@ GROUPS = {
     },
     "Scenarios": {
         "scenarios": "list the shipped scenarios, or check and draw a file",
+        "edit": "draw a yard in the browser",
         "generate": "draw a substation and write it as a scenario file",
         "import": "make a scenario from a map of a substation",
         "plan": "plan a patrol that covers every site of a yard",

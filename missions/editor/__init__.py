@@ -1,0 +1,1 @@
+"""Editor of scenario files: a page on this machine on which a yard is drawn."""
