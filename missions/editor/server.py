@@ -37,18 +37,12 @@ HEADERS = {
 """Headers of all answers: the page loads nothing from elsewhere, and no other page can show it."""
 
 
-class EditRequest(BaseModel):
-    """Edits to make in a text."""
+class PageRequest(BaseModel):
+    """Text on the page, with edits to make in it, or to write over the text that was opened: None if it was new."""
 
     text: str
-    edits: tuple[Edit, ...]
-
-
-class SaveRequest(BaseModel):
-    """Text to write over the one that was opened; None if the file was new."""
-
-    text: str
-    opened: str | None
+    edits: tuple[Edit, ...] = ()
+    opened: str | None = None
 
 
 class ScenarioFile:
@@ -61,8 +55,6 @@ class ScenarioFile:
 
     def __init__(self, path: Path) -> None:
         self.path, self.name = path.resolve(), path.name
-        self.lock = threading.Lock()
-        """Held while the file is written."""
 
     def read(self) -> str | None:
         """Return the text of the file, or None if it does not exist.
@@ -76,26 +68,31 @@ class ScenarioFile:
         parse_toml(content, Path(self.name))
         return content.decode()
 
-    def save(self, request: SaveRequest) -> None:
+    def save(self, text: str, opened: str | None) -> None:
         """Write a valid scenario, completely or not at all.
+
+        Args:
+            text: Text to write.
+            opened: Text that was opened; None if the file was new.
 
         Raises:
             InputFileError: If the text has errors, or the file is not as it was opened.
             OSError: If the file cannot be written.
         """
-        with self.lock:
-            on_disk = self.path.read_bytes() if self.path.exists() else None
-            if on_disk != (None if request.opened is None else request.opened.encode()):
-                raise InputFileError([f"{self.name}: has changed on disk since it was opened here; nothing was saved"])
-            check_content(request.text.encode(), self.path)
-            with atomic_file(self.path) as temporary:
-                temporary.write_bytes(request.text.encode())
-                if on_disk is not None:
-                    shutil.copymode(self.path, temporary)
+        on_disk = self.path.read_bytes() if self.path.exists() else None
+        if on_disk != (None if opened is None else opened.encode()):
+            raise InputFileError([f"{self.name}: has changed on disk since it was opened here; nothing was saved"])
+        check_content(text.encode(), self.path)
+        with atomic_file(self.path) as temporary:
+            temporary.write_bytes(text.encode())
+            if on_disk is not None:
+                shutil.copymode(self.path, temporary)
 
 
 class EditorServer(ThreadingHTTPServer):
     """Server on this machine only; `url` has the token without which requests are refused.
+
+    Actions hold `lock`, one at a time.
 
     Args:
         file: File that is edited.
@@ -112,7 +109,7 @@ class EditorServer(ThreadingHTTPServer):
             super().__init__((LOOPBACK, port), _Handler)
         except OSError as error:
             raise OSError(f"port {port} cannot be opened: {error.strerror}") from None
-        self.file, self.token = file, secrets.token_urlsafe(24)
+        self.file, self.token, self.lock = file, secrets.token_urlsafe(24), threading.Lock()
         self.host = f"{LOOPBACK}:{self.server_address[1]}"
         self.url = f"http://{self.host}/?token={self.token}"
 
@@ -134,7 +131,7 @@ def editor_server(path: Path, port: int) -> Iterator[EditorServer]:
         try:
             yield server
         finally:
-            file.lock.acquire()
+            server.lock.acquire()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -162,7 +159,9 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "text/plain", b"")
         else:
             try:
-                answer = actions[self.path](self.rfile.read(int(n_bytes)))
+                body = self.rfile.read(int(n_bytes))
+                with self.server.lock:
+                    answer = actions[self.path](body)
             except InputFileError as error:
                 answer = {"errors": error.faults}
             except (ValueError, UserCodeError, OSError) as error:
@@ -179,13 +178,13 @@ class _Handler(BaseHTTPRequestHandler):
         return about | {"text": text, "view": view_of(text, file.path)}
 
     def _edit(self, body: bytes) -> dict[str, Any]:
-        request = EditRequest.model_validate_json(body)
+        request = PageRequest.model_validate_json(body)
         text = edited(request.text, request.edits)
         return {"text": text, "view": view_of(text, self.server.file.path)}
 
     def _save(self, body: bytes) -> dict[str, Any]:
-        request = SaveRequest.model_validate_json(body)
-        self.server.file.save(request)
+        request = PageRequest.model_validate_json(body)
+        self.server.file.save(request.text, request.opened)
         return {"opened": request.text}
 
     def _send(self, status: HTTPStatus, content_type: str, body: bytes) -> None:
