@@ -83,6 +83,9 @@ def run(steps: list[str], folder: Path) -> None:
         if "replay" in command and "--web" in command:
             served_on_loopback(command.split(), folder, environment)
             continue
+        if command.startswith("pdpatrol edit"):
+            served_on_loopback([*command.split(), "--no-open"], folder, environment)
+            continue
         done = subprocess.run(
             command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
         )

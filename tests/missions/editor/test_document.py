@@ -176,7 +176,7 @@ def test_text_that_is_not_toml_is_a_string() -> None:
         (YARD, "insert", (*EQUIPMENT, 0)),
         (YARD, "insert", ("route", "dock_m", "x")),
         ("yard.size_m = [1.0, 2.0]\n", "set", ("yard", "fence_m")),
-        ('about = """\n[[sources]]\n"""\n[[sources]]\nname = "a"\n', "remove", ("sources", 0)),
+        ('about = """\n[[sources]]\nx\n# """\n[[sources]]\nname = "a"\n', "remove", ("sources", 0)),
     ],
 )
 def test_edit_that_the_layout_does_not_allow_is_refused_in_one_line(text: str, operation: str, path: Keys) -> None:
