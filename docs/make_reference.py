@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pdpatrol.envs.scenario.loader import scenario_schema
-from pdpatrol.missions.cli import VERBS, module_of
+from pdpatrol.missions.cli import GROUPS, module_of
 from pdpatrol.missions.cli.arguments import call_verb
 from pdpatrol.missions.sweep.tables import markdown
 
@@ -163,7 +163,7 @@ def commands_page() -> str:
     """Return the page of the help texts of all commands."""
     os.environ |= {"COLUMNS": "110", "NO_COLOR": "1", "TERM": "dumb"}
     parts = [COMMANDS_INTRODUCTION]
-    for verb, about in VERBS.items():
+    for verb, about in (item for verbs in GROUPS.values() for item in verbs.items()):
         parts.append(f"\n## {verb}\n\n{about[0].upper()}{about[1:]}.\n\n```text\n{_help(verb)}```\n")
     return "".join(parts)
 

@@ -7,7 +7,8 @@ from typing import Annotated
 import tyro
 from pydantic import Field
 
-from pdpatrol.missions.cli.terminal import out, refuse
+from pdpatrol.missions.cli.arguments import Flag
+from pdpatrol.missions.cli.terminal import refuse, say
 from pdpatrol.missions.editor.server import editor_server
 
 
@@ -16,7 +17,7 @@ def edit(
     /,
     *,
     port: Annotated[int, Field(ge=0, le=65535)] = 0,
-    no_open: bool = False,
+    no_open: Flag = False,
 ) -> None:
     """Draw the yard of a scenario file in a browser on this machine (127.0.0.1).
 
@@ -25,13 +26,13 @@ def edit(
 
     Args:
         file: Scenario file, which may be new.
-        port: Port of the page. Default: one that is free.
+        port: Port of the page; 0 for one that is free.
         no_open: Print the address of the page without opening it.
     """
     if file.suffix != ".toml" or not file.parent.is_dir():
         refuse(f"FILE must be a .toml file in an existing folder, got {file}")
     with editor_server(file, port) as server:
-        out.print(f"Editing {file} at {server.url}  (Ctrl-C ends it)", soft_wrap=True)
+        say(f"Editing {file} at {server.url}  (Ctrl-C ends it)")
         if not no_open:
             webbrowser.open(server.url)
         server.serve_forever()
