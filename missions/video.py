@@ -111,7 +111,8 @@ def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) ->
     model.joint("floating_base").qpos0[:2] = true_pose[steps[0], :2]
     low_m, high_m = np.array(log.meta["bounds_m"])
     middle_m = (*(0.5 * (low_m + high_m)).tolist(), 0.0)
-    whole = View(middle_m, *np.radians([-120.0, 32.0]).tolist(), 0.95 * float(np.hypot(*(high_m - low_m))))
+    distance_m = 0.95 * float(np.hypot(*(high_m - low_m)))
+    whole = View(middle_m, float(np.radians(-120.0)), float(np.radians(32.0)), distance_m)
     pictures = chain(pictures_of(model, [whole]), pictures_from_behind(model, true_pose[steps], view_rad[steps]))
     moving: list[Any] = []
     for step, picture in zip([steps[0], *steps.tolist()], pictures, strict=True):
