@@ -166,7 +166,7 @@ def finding(x: float, y: float, spread_m: float = 0.1, number: int = 1, **shown:
         "id": number, "state": "confirmed", "position_m": (x, y, 1.5), "position_std_m": (spread_m,) * 3,
         "covariance_m2": tuple(map(tuple, covariance.tolist())),
         "ellipse95": ellipse95(covariance[:2, :2])._asdict(), "sites": (), "discharge": None,
-        "strength": None, "existence": 0.97, "possibly_two": False, "n_bearings": 30,
+        "strength": None, "asset": None, "assessment": None, "existence": 0.97, "possibly_two": False, "n_bearings": 30,
         "first_detected_s": 0.0, "confirmed_s": 12.0,
     }  # fmt: skip
     return FindingRecord.model_validate({**known, **shown})
