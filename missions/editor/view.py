@@ -12,8 +12,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from dirmusic import InputFileError
 from pdpatrol.envs.plausibility import plausibility
-from pdpatrol.envs.scenario import Scenario, check_content
+from pdpatrol.envs.scenario import check_content
 from pdpatrol.envs.scenario.base import as_tuples
+from pdpatrol.envs.scenario.loader import scenario_schema
 from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.editor.document import BOM, toml_text
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, colour_of
@@ -100,7 +101,7 @@ def view_of(text: str, path: Path) -> View:
 
 def forms() -> dict[str, Any]:
     """Return the JSON Schemas of the tables that the page edits, with all kinds of equipment."""
-    tables = Scenario.model_json_schema()["$defs"]
+    tables = scenario_schema()["$defs"]
     for shape, name in FORMS.items():
         keys = tables[name]["properties"]
         keys["kind"]["enum"] = sorted(CATALOGUE if shape == "catalogue" else KIND_MATERIALS)

@@ -198,7 +198,7 @@ def test_waypoints_and_sources_are_added_moved_and_removed(editor: Opened, yard:
     page.click("#panel button:text-is('terminal_box')")
     settle(page)
     sites_m = {
-        site: load_scenario(yard).yard.site_position(site)[:2]
+        site: load_scenario(yard).yard.site_position(site)[:2].tolist()
         for site in ("vt_3_c/terminal_box", "vt_3_b/terminal_box")
     }
     drag(page, sites_m["vt_3_c/terminal_box"], sites_m["vt_3_b/terminal_box"])
