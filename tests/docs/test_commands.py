@@ -75,8 +75,9 @@ FOLLOWING = [title for title, steps in TUTORIAL.items() if MISSION in " ".join(s
 ALONE = [title for title in TUTORIAL if title not in (LEAVES_MISSION, *FOLLOWING)]
 
 
-def run(steps: list[str], folder: Path) -> None:
-    """Run the lines in a shell, in a folder that represents the top of the repository."""
+def run(steps: list[str], folder: Path) -> str:
+    """Run the lines in a shell, in a folder that represents the top of the repository; return what they print."""
+    printed = ""
     environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     for line in steps:
         command = line.replace("uv run ", "")
@@ -90,6 +91,8 @@ def run(steps: list[str], folder: Path) -> None:
             command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
         )
         assert done.returncode == 0, f"{line}: {done.stderr}"
+        printed += done.stdout
+    return printed
 
 
 @pytest.fixture
@@ -112,7 +115,15 @@ def test_tutorial_runs_from_mission_to_export(top: Path) -> None:
 @pytest.mark.whole
 @pytest.mark.parametrize("steps", [*(TUTORIAL[title] for title in ALONE), lines(PAGES["how-to/yard.md"])])
 def test_other_steps_of_the_docs_run(steps: list[str], top: Path) -> None:
-    run(steps, top)
+    printed = run(steps, top)
+    shown = [
+        block
+        for text in sections(PAGES["tutorial.md"]).values()
+        if lines(text) == steps
+        for block in blocks("text", text)
+    ]
+    numbers = re.findall(r"\d+(?:\.\d+)?", " ".join(shown))
+    assert [number for number in numbers if number not in printed] == []
 
 
 def test_every_command_of_the_docs_is_run_by_a_test() -> None:
