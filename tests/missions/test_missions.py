@@ -9,7 +9,6 @@ from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report, report_text
-from pdpatrol.missions.report.wording import PULSE_CLASSES
 from pdpatrol.missions.runner import Mission, run_mission
 from pdpatrol.sensing.receiver.faults import ChannelFault
 
@@ -56,7 +55,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
     (finding,) = report.findings
     assert finding.n_bearings <= report.n_bearings
     counts = report.pulses
-    assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in PULSE_CLASSES)
+    assert counts.detected == log.n_rows("pulse") == sum(counts.model_dump(exclude={"detected"}).values())
     assert counts.detected - counts.rejected == report.n_bearings < 2 * (counts.of_findings or 0)
     assert finding.confirmed_s is not None
     assert finding.first_detected_s < finding.confirmed_s < report.sim_time_s
