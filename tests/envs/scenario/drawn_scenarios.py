@@ -4,6 +4,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterator
+from datetime import date
 from copy import deepcopy
 from typing import Any
 
@@ -95,4 +96,6 @@ def inline(value: object) -> str:
         return f"[{', '.join(map(inline, value))}]"
     if isinstance(value, float | np.floating):
         return repr(float(value))
+    if isinstance(value, date):
+        return value.isoformat()
     return json.dumps(value)
