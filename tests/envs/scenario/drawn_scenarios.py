@@ -4,8 +4,8 @@ import json
 import math
 import tomllib
 from collections.abc import Iterator
-from datetime import date
 from copy import deepcopy
+from datetime import date
 from typing import Any
 
 import numpy as np
