@@ -149,8 +149,10 @@ def test_commands_have_the_verbs_and_options_of_the_command_line(name: str) -> N
 @pytest.mark.whole
 def test_snippets_of_the_yard_page_run(tmp_path: Path) -> None:
     text = PAGES["how-to/yard.md"]
-    (snippet,), (scenario, mapping) = blocks("python", text), blocks("toml", text)
+    (snippet,), (scenario, fence, mapping) = blocks("python", text), blocks("toml", text)
     run_snippet(snippet, tmp_path)
+    (tmp_path / "fence.toml").write_text(f"{fence}[route]\ndock_m = [2.0, 2.0]\n[array]\n", encoding="utf-8")
+    assert len(load_scenario(tmp_path / "fence.toml").yard.fence.corners_m) == 6
     (tmp_path / "mapping.toml").write_text(mapping, encoding="utf-8")
     row = read_mapping(tmp_path / "mapping.toml").row("qa12")
     assert row is not None
