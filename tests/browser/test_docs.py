@@ -55,8 +55,8 @@ def test_every_page_and_the_search_work_from_disk(site: Path) -> None:
             assert empty == [], file.name
         page.keyboard.press("Control+k")
         page.wait_for_timeout(500)
-        page.keyboard.type("georeference", delay=20)
-        page.wait_for_selector("text=Where on Earth", timeout=60_000)
+        page.keyboard.type("position earth", delay=20)
+        page.wait_for_selector("text=Position on Earth", timeout=60_000)
         assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
         assert [error for error in errors if LEFT not in error] == []
 
