@@ -54,7 +54,7 @@ class PlanLabel(NamedTuple):
 
 
 class PlanLabels(Artist):
-    """All labels of a plan. Each is drawn at its first place that is free of texts, and left out if there is none.
+    """All labels of a plan. Each is drawn at the first of its places that is free of texts, or else left out.
 
     Other texts of the axes are drawn as they are, and labels keep off them. Places that cover no object are preferred.
     """

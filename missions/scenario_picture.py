@@ -1,4 +1,4 @@
-"""Picture of a scenario from above: the yard, what is true in it, and what the robot knows of it."""
+"""Picture of a scenario from above: the true yard with its sources, and errors in the map of the robot."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.zone import ZoneConfig
+from pdpatrol.missions.designations import bay_of, without_phase
 from pdpatrol.missions.plan_labels import labels_of
 from pdpatrol.robot_models.equipment.catalogue import colour_of
 from pdpatrol.robot_models.yard.solids import YardSolids
@@ -22,12 +22,6 @@ from pdpatrol.robot_models.yard.yard import Yard
 
 ROUTE, FENCE, NAME = "#2471a3", "#7b8a97", "#333d47"
 """Colours of the route, the fence, and the names of equipment."""
-
-BAY = re.compile(r"([a-z]{1,2}[0-9]+)_(?![a-z]{1,2}[0-9]+_)")
-"""Designation of a bay at the beginning of a name, such as `d01` in `d01_qa1`; a gantry of two bays has two."""
-
-PHASE = re.compile(r"_l[123]$")
-"""Phase at the end of the name of a piece of one phase."""
 
 MOST_NAMES = 60
 """Largest number of names that are written in full."""
@@ -81,14 +75,14 @@ def _label_equipment(axes: Axes, yard: Yard) -> None:
     """Label the equipment, with one label for the phases of a piece; in a large yard, label bays and pieces in them."""
     corners_m = dict[str, list[FloatArray]]()
     for item in yard.equipment:
-        corners_m.setdefault(PHASE.sub("", item.name), []).extend(item.solids.extent_m)
+        corners_m.setdefault(without_phase(item.name), []).extend(item.solids.extent_m)
     labels, is_large, bays = labels_of(axes), len(corners_m) > MOST_NAMES, dict[str, list[FloatArray]]()
     for name, corners in corners_m.items():
         low_m, high_m = np.min(corners, axis=0), np.max(corners, axis=0)
-        bay = BAY.match(name) if is_large else None
+        bay = bay_of(name) if is_large else None
         if bay:
-            bays.setdefault(bay[1], []).extend([low_m, high_m])
-        text, size_pt = name[bay.end() :] if bay else name, 6.0 if is_large else 7.0
+            bays.setdefault(bay, []).extend([low_m, high_m])
+        text, size_pt = name.removeprefix(f"{bay}_"), 6.0 if is_large else 7.0
         rank = 3.0 + 1.0 / (1.0 + float((high_m - low_m).max()))  # the largest pieces first
         labels.add(text, (low_m, high_m), SIDES, rank, fontsize=size_pt, color=NAME)
     for bay, corners in bays.items():

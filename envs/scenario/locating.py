@@ -19,7 +19,7 @@ Degrees = Annotated[float, Field(ge=0.0, le=360.0)]
 
 
 def _default(value: float) -> Any:  # noqa: ANN401 - a field of pydantic
-    """Return a field that is None unless it is given, and whose JSON Schema states the default of the rule."""
+    """Return a field that defaults to None, with the default of the rule in its JSON Schema."""
     return Field(default=None, json_schema_extra={"default": value})
 
 

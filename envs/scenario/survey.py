@@ -1,4 +1,4 @@
-"""Scenario table of what a report states about the survey: site, people, conditions, other surveys, and severity."""
+"""Scenario table `[survey]`: site, people, conditions, other surveys and rule of severity, for reports."""
 
 import re
 from pathlib import Path
@@ -30,7 +30,7 @@ def _read_severity(given: object) -> object:
 
 
 class SurveyConfig(Config):
-    """What the report states about the survey; all of it is optional, and nothing here changes a mission."""
+    """Statements of the report about the survey; all are optional, and none changes a mission."""
 
     site: Text | None = None
     """Name of the substation."""

@@ -42,8 +42,8 @@ def replay(
         port: Port of the page of --web; its data come from the next port. Default: two free ports.
         screenshot: Write a picture of the viewer instead, without opening it; no screen is needed.
         at: Simulated time that the picture shows. Default: the end.
-        video: Write a film instead: the robot as it drives, next to the plan at that time, and what was found. MP4
-            needs ffmpeg, or the extra `video`.
+        video: Write a film instead: the robot as it drives, next to the plan at that time, and a closing card.
+            MP4 needs ffmpeg, or the extra `video`.
         pace: Simulated seconds per second of the film. Default: the film lasts 20 s.
     """
     n_missions = max(len(row), len(folders))

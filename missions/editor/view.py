@@ -1,4 +1,4 @@
-"""What the page of the editor shows of a scenario file: outlines, places, keys and errors.
+"""Content of the editor's page for a scenario file: outlines, places, keys and errors.
 
 A file with errors is shown as far as it can be: each piece of equipment that is valid by itself has its outline.
 """
@@ -44,7 +44,7 @@ class Outline(BaseModel):
 
 
 class PieceView(BaseModel):
-    """Piece of equipment; outlines, lower parts first, and sites are empty if it has errors of its own."""
+    """Piece of equipment; outlines (lower parts first) and sites are empty if the piece itself is invalid."""
 
     name: str
     form: str
@@ -79,7 +79,7 @@ class View(BaseModel):
 
 
 def view_of(text: str, path: Path) -> View:
-    """Return what the page shows of the text of a file that is valid TOML."""
+    """Return the content of the page for the text of a file, which must be valid TOML."""
     data = tomllib.loads(text.removeprefix(BOM))
     yard, route = _table(data, "yard"), _table(data, "route")
     pieces = [_piece(row) for row in _rows(yard, "equipment")]
@@ -115,7 +115,7 @@ def kinds_with_kv() -> list[str]:
 
 
 def _check(text: str, path: Path) -> tuple[list[str], list[str]]:
-    """Return the errors of a scenario, and notes if there are none."""
+    """Return the errors of a scenario, and the notes on one without errors."""
     try:
         return [], list(plausibility(check_content(text.encode(), path)))
     except InputFileError as error:

@@ -21,7 +21,7 @@ UNITS_PER_DB, SPAN_DB = 4.0, 30
 
 
 def name_of(state: str, number: int) -> str:
-    """Return the display name of a finding; only what is confirmed is called a finding."""
+    """Return the displayed name of a finding or candidate; only confirmed ones are called findings."""
     return f"{'finding' if state == 'confirmed' else state} {number}"
 
 
@@ -64,7 +64,9 @@ def _draw_likelihood(stream: rr.RecordingStream, meta: Mapping[str, Any], log_li
     grid = grid_of(meta)
     peak = max(log_likelihood.max(), 50.0)  # 50 corresponds to about ten pulses from ten different places
     share = np.square(np.clip(log_likelihood.reshape(grid.shape) / peak, 0.0, 1.0))
-    unlikely, likely = (np.array([colour >> 24, colour >> 16 & 255, colour >> 8 & 255]) for colour in PALETTE[1:3])
+    unlikely, likely = (
+        np.array([colour >> 24, colour >> 16 & 255, colour >> 8 & 255]) for colour in (PALETTE.ground, PALETTE.likely)
+    )
     inner = 0.5 + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (np.array(grid.shape) - 1)  # beyond, textures repeat
     texture = unlikely + share.T[::-1, :, np.newaxis] * (likely - unlikely)  # north first
     stream.log(

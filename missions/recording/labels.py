@@ -1,6 +1,5 @@
 """Labels of equipment and waypoints on the plan, as many as fit."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dirmusic.arrays import FloatArray
+from pdpatrol.missions.designations import bay_of, without_phase
 
 PLAN_HEIGHT_PX, CHARACTER_PX, LABEL_HEIGHT_PX, MARGIN_PX = 380.0, 7.5, 26.0, 12.0
 """Height of the plan in a window of 1600 by 1000, and the size of its labels. Assumed; in smaller windows they may
@@ -23,18 +23,13 @@ def pixel_m(bounds_m: ArrayLike) -> float:
     return PLAN_SHARE * max(width_m / 1.25, height_m) / PLAN_HEIGHT_PX
 
 
-def bay_of(name: str) -> str:
-    """Return the name of a piece up to its first number, which its neighbours of one bay share: `e01_qb1` to `e01`."""
-    numbered = re.match(r"\D*\d+", name)
-    return numbered.group() if numbered else name
-
-
 def equipment_labels(solids: Iterable[Mapping[str, Any]], pixel_size_m: float) -> dict[str, list[float]]:
-    """Return the places of one label per bay, x m, y m, z m, north of its pieces; the largest bays first."""
+    """Return the places of labels, x m, y m, z m, north of each bay or piece; the largest first."""
     corners_m: dict[str, list[FloatArray]] = {}
     volume_m3: dict[str, float] = {}
     for solid in solids:
-        bay = bay_of(solid["name"].split("/")[1])
+        name = solid["name"].split("/")[1]
+        bay = bay_of(name) or without_phase(name)
         size_m, place_m = np.array(solid["size_m"]), np.array(solid["position_m"])
         reach_m = np.hypot(*size_m[:2]) if solid["shape"] == "box" else size_m[0]
         corners_m.setdefault(bay, []).extend([place_m[:2] - reach_m, place_m[:2] + reach_m])

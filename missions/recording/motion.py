@@ -50,15 +50,21 @@ class LogBin:
         return self.first["step"] + self.tables["step"]["time_s"].size
 
 
+def time_of(log: MissionLog, step: int) -> float:
+    """Return the time of a step in seconds; zero before the first step."""
+    return float(log.column("step", "time_s", step, step + 1).sum())  # of one value or none
+
+
 def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
-    """Set the time for the following calls of `stream.log` to a step of a mission; zero before the first step."""
-    stream.set_time("sim_time", duration=log.column("step", "time_s", step, step + 1).sum())  # of one value or none
+    """Set the time for the following calls of `stream.log` to a step of a mission."""
+    stream.set_time("sim_time", duration=time_of(log, step))
     stream.set_time("step", sequence=step)
 
 
 def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
-    """Return the times of steps (n,) for `stream.send_columns`."""
-    time_s = log.column("step", "time_s")[steps]
+    """Return the times of steps (n,), ascending, for `stream.send_columns`."""
+    first, last = (steps[0], steps[-1]) if steps.size else (0, -1)
+    time_s = log.column("step", "time_s", int(first), int(last) + 1)[steps - first]
     return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("step", sequence=steps)]
 
 
@@ -83,7 +89,7 @@ def draw_bearing_plot(stream: rr.RecordingStream, part: LogBin) -> None:
     """Draw the bearings over time as columns."""
     bearing = part.tables["bearing"]
     if bearing["pulse"].size:
-        steps = part.log.column("pulse", "step")[bearing["pulse"]]
+        steps = part.tables["pulse"]["step"][bearing["pulse"] - part.first["pulse"]]
         degrees = rr.Scalars.columns(scalars=np.degrees(bearing["bearing_rad"]))
         stream.send_columns("plots/directions/bearing", at_steps(part.log, steps), degrees)
 

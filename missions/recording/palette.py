@@ -24,7 +24,7 @@ class Palette(NamedTuple):
         robot: Path, arrow and heading of the robot.
         odometry: Path that the wheels alone would give.
         zone: Zones with a speed limit.
-        truth: What the robot does not know.
+        truth: Sources, interferers and moving bodies, which the robot does not know.
         findings: Colours of candidates and findings, in turn by number.
     """
 

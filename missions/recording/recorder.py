@@ -65,7 +65,7 @@ class Recorder:
         n_steps, n_drawn = self._log.n_rows("step"), self._n_drawn["step"]
         end = n_steps if is_over else n_steps - (n_steps - n_drawn) % self._bin_steps
         whole = self._rows_until(end)
-        numbers = set(self._log.column("finding", "id").tolist())
+        numbers = set(whole.tables["finding"]["id"].tolist())
         draw_styles(self.stream, sorted(numbers - self._styled))
         self._styled |= numbers
         report = make_report(self._log, 0.0) if is_over else None

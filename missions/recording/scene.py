@@ -118,7 +118,7 @@ def _route_and_names(meta: Mapping[str, Any], equipment: Sequence[Mapping[str, A
 
 
 def _truth(truth: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the robot does not know: sources, people and vehicles."""
+    """Return sources, interferers, people and vehicles, which the robot does not know."""
     shapes: dict[str, Any] = {}
     if sources := [*truth.get("sources", ()), *truth.get("interferers", ())]:
         places = {f"true: {source['name']}": source["position_m"] for source in sources}

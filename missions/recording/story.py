@@ -10,7 +10,7 @@ from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.recording.findings import name_of
-from pdpatrol.missions.recording.motion import LogBin, set_step
+from pdpatrol.missions.recording.motion import LogBin, set_step, time_of
 from pdpatrol.missions.recording.scene import labels_3d
 from pdpatrol.missions.report.closing_card import closing_card
 from pdpatrol.missions.report.make_report import findings_at
@@ -29,9 +29,8 @@ def draw_events(stream: rr.RecordingStream, part: LogBin) -> None:
     steps, stop = np.unique(part.tables["event"]["step"], return_counts=True)
     for step, end in zip(steps.tolist(), (part.first["event"] + np.cumsum(stop)).tolist(), strict=True):
         latest = part.log.table("event", max(end - N_EVENTS, 0), end)
-        time_s = part.log.column("step", "time_s")
         lines = [
-            f"- **{time_s[at] if time_s.size else 0.0:.0f} s** {text}"
+            f"- **{time_of(part.log, at):.0f} s** {text}"
             for at, text in zip(latest["step"].tolist(), latest["text"].tolist(), strict=True)
         ]
         set_step(stream, part.log, step)

@@ -1,4 +1,4 @@
-"""Closing card of a mission: what was found, where, of which kind, and by when to act."""
+"""Closing card of a mission: place, kind, severity and due date of each finding."""
 
 from typing import NamedTuple
 
@@ -25,12 +25,12 @@ class ClosingRow(NamedTuple):
 
 
 class ClosingCard(NamedTuple):
-    """What a reader needs at the end.
+    """Summary at the end of a mission.
 
     Attributes:
         title: Number of findings.
         rows: Findings.
-        remark: What was not confirmed, and how the mission ended.
+        remark: Number of open candidates, and the end of the mission.
     """
 
     title: str

@@ -17,7 +17,7 @@ PAPER_PATTERN = "eq. (1) of the Dir-MUSIC paper"
 
 
 def survey_record(log: MissionLog) -> Survey:
-    """Return what is stated about the survey, and the array that was used."""
+    """Return the statements on the survey, and the array that was used."""
     stated = survey_of(log).model_dump(include=set(Survey.model_fields))
     scenario = log.meta.get("scenario", {})
     serial_number = scenario.get("array", {}).get("serial_number")

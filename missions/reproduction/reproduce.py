@@ -35,7 +35,7 @@ COLUMNS = ("paper", "paper's method", "best method", "unrounded")
 
 
 def n_cells() -> int:
-    """Return the number of cells of all exhibits, each of which has trials of its own."""
+    """Return the number of cells of all exhibits; each has separate trials."""
     rows = [published()[name]["rows"] for name in ("table1", "table3", "fig5", "fig7", "phase_method", "sample_rate")]
     return sum(map(len, [*rows, published()["sample_rate"]["phase_rows"]]))
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from pdpatrol.missions.designations import bay_of, without_phase
 from pdpatrol.missions.recording.labels import (
     CHARACTER_PX,
     LABEL_HEIGHT_PX,
     MARGIN_PX,
-    bay_of,
     equipment_labels,
     fitting,
 )
@@ -29,7 +29,8 @@ def test_labels_that_are_kept_do_not_overlap_and_none_is_dropped_without_need() 
 
 
 def test_pieces_of_one_bay_share_a_label_at_their_middle() -> None:
-    assert [bay_of(name) for name in ("e01_qb1", "ct_2_a", "busbar_a")] == ["e01", "ct_2", "busbar_a"]
+    names = ("e01_qb1", "ct_2_a", "busbar_a", "e08_e14_ua1")
+    assert [bay_of(name) or without_phase(name) for name in names] == ["e01", "ct_2", "busbar_a", "e08_e14_ua1"]
     solids = [
         {"name": f"equipment/e01_{part}", "shape": "cylinder", "size_m": [0.2, 1.0, 0.0], "position_m": [x, 5.0, 1.0]}
         for part, x in (("qa1", 2.0), ("qb1", 6.0))
