@@ -174,35 +174,43 @@ def level_std(compared: Comparison, level: Level, n_pulses: FloatArray) -> Float
     return np.sqrt(np.square(compared.level_error_db) + level.spread_db**2 / n_pulses)
 
 
-def associate(
-    groups: Groups, compared: list[Comparison], levels: list[Level], is_located: BoolArray, share: FloatArray
-) -> Association:
-    """Compute the probable origin of each group.
+def likelihoods(
+    groups: Groups, compared: list[Comparison], levels: list[Level], is_located: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Compute the densities of each group under every origin.
 
     Args:
         groups: The groups.
         compared: Comparison with each source.
         levels: Level of each source.
         is_located: True for sources whose multipath is considered, shape (n_sources,).
+
+    Returns:
+        Density under the direct path of each source, shape (n_sources, n), under its multipath, same shape, and under
+        none, shape (n,).
+    """
+    flat = np.exp(log_flat_density(groups.is_usable.sum(axis=-1).astype(np.float64)))
+    direct, multipath = np.empty((2, len(compared), flat.size))
+    for k, (of_source, level) in enumerate(zip(compared, levels, strict=True)):
+        std_db = level_std(of_source, level, groups.n_pulses)
+        off, limit_db = (of_source.level_db - level.mean_db) / std_db, level.limit_db(of_source.range_m)
+        of_level = np.exp(of_source.log_density - 0.5 * np.square(off)) / (np.sqrt(2.0 * np.pi) * std_db)
+        is_weaker = is_located[k] & (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)
+        direct[k] = of_level * of_source.direct
+        multipath[k] = flat * is_weaker * (1.0 - of_source.direct) / MULTIPATH_RANGE_DB
+    return direct, multipath, flat / LEVEL_RANGE_DB
+
+
+def associate(likelihood: tuple[FloatArray, FloatArray, FloatArray], share: FloatArray) -> Association:
+    """Compute the probable origin of each group.
+
+    Args:
+        likelihood: Result of `likelihoods`.
         share: Prior share of each source, and of none at the end, shape (n_sources + 1, n).
     """
-    flat = log_flat_density(groups.is_usable.sum(axis=-1).astype(np.float64))
-    direct, multipath = list[FloatArray](), list[FloatArray]()
-    for of_source, level, located in zip(compared, levels, is_located.tolist(), strict=True):
-        std_db = level_std(of_source, level, groups.n_pulses)
-        off = (of_source.level_db - level.mean_db) / std_db
-        of_level = -0.5 * np.square(off) - np.log(np.sqrt(2.0 * np.pi) * std_db)
-        limit_db = level.limit_db(of_source.range_m)
-        direct.append(of_source.log_density + of_level + np.log(of_source.direct))
-        is_weaker = located & (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)
-        with np.errstate(divide="ignore"):
-            multipath.append(flat + np.log(is_weaker * (1.0 - of_source.direct) / MULTIPATH_RANGE_DB))
-    none = flat - np.log(LEVEL_RANGE_DB)
-    log_share = np.log(share)
-    each = np.array([*direct, *multipath, none]) + np.concatenate([log_share[:-1], log_share[:-1], log_share[-1:]])
-    probability = np.exp(each - np.logaddexp.reduce(each))
-    n = len(compared)
-    return Association(probability[:n], probability[n : 2 * n], share)
+    direct, multipath = share[:-1] * likelihood[0], share[:-1] * likelihood[1]
+    total = direct.sum(axis=0) + multipath.sum(axis=0) + share[-1] * likelihood[2]
+    return Association(direct / total, multipath / total, share)
 
 
 def window_shares(probability: FloatArray, n_pulses: FloatArray, window: IntArray) -> FloatArray:

@@ -77,16 +77,13 @@ def pulse_evidence(ratios: FloatArray, association: Association, window: IntArra
         association: Probable origin of each group.
         window: Number of the window of each group, from 0 on, shape (n,).
     """
-    log_share = np.log(association.share)
-    each = np.concatenate([ratios, np.zeros((1, ratios.shape[1]))]) + log_share
-    together = np.logaddexp.reduce(each)
-    none = association.share[-1]
-    evidence = np.empty(len(ratios))
-    for k, of_source in enumerate(association.direct):
-        share = np.minimum(association.share[k] / (association.share[k] + none), 1.0 - 1e-9)
-        others = np.logaddexp.reduce(np.delete(each, k, axis=0))
-        rest = np.log1p(-np.minimum(association.share[k], 1.0 - 1e-12))
-        gain = together - np.maximum(np.logaddexp(others, log_share[k]), others - rest)
+    none, evidence = association.share[-1], np.empty(len(ratios))
+    each = association.share[:-1] * np.exp(ratios)
+    together = each.sum(axis=0) + none
+    for k, (of_source, own) in enumerate(zip(association.direct, association.share, strict=False)):
+        share = np.minimum(own / (own + none), 1.0 - 1e-9)
+        others = together - each[k]
+        gain = np.log(together / np.maximum(others + own, others / (1.0 - np.minimum(own, 1.0 - 1e-12))))
         chosen = gain + (1.0 - share) / share * np.log1p(-share)
         total = np.bincount(window, of_source * chosen)
         evidence[k] = np.sum(total / np.maximum(np.bincount(window, of_source), 1.0))

@@ -116,7 +116,7 @@ class Finding:
     Attributes:
         id: Number of the finding, at least 1, which it keeps throughout the mission.
         state: `candidate` until the rules confirm it; `confirmed`; `outside` if its 95 % ellipse lies outside the
-            fence.
+            fence, until half of it reaches the fence again.
         position_m: Position, world frame, shape (3,).
         covariance_m2: Covariance of the position, shape (3, 3), including the errors of the array.
         existence: Probability that a source exists there, in [0, 1].

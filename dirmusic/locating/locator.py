@@ -19,6 +19,7 @@ from dirmusic.locating.association import (
     Level,
     associate,
     compare_groups,
+    likelihoods,
     pooled,
     window_shares,
 )
@@ -37,7 +38,7 @@ from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pool import PulsePool, Visibility
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import Evidence, Track
+from dirmusic.locating.track import NEVER_FITTED, Evidence, Track
 from dirmusic.locating.two_sources import ONE_SOURCE, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
@@ -57,7 +58,7 @@ CHANGED_SHARE, CHANGED_RAD = 0.1, np.radians(10.0)
 """Change of the number of groups, and of the aperture, after which a source is fitted again (assumed)."""
 
 UNEXPLAINED_PROBABILITY, LEAST_NEW, LEAST_NEW_SHARE = 0.3, 4, 0.1
-"""Probability of any source below which a group may initiate a track, and change of the number of such pulses,
+"""Probability of a direct path below which a group may initiate a track, and change of the number of such pulses,
 absolute and relative, after which initiation is tried again (assumed)."""
 
 ACTIVE_SHARE = 0.1
@@ -88,6 +89,10 @@ LOCATED_M = 2.0
 DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
 """Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
 again (assumed)."""
+
+KEPT_OUTSIDE = 0.5
+"""Factor of the ellipse and of the evidence with which a track beyond the fence stays there (assumed), so that its
+state does not change to and fro."""
 
 REFUTED_LOG_ODDS, REFUTED_WINDOWS, REFUTED_EVIDENCE = -5.0, 6, 0.0
 """Log odds below which a track is deleted once it is tested: silence or an image have that much weight, or it has had
@@ -174,7 +179,9 @@ class Locator:
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Associate and fit all pulses so far until both agree, and return all findings."""
         for _ in range(3):
-            self._renew(time_s, rounds=2, always=True)
+            for track in self._tracks:
+                track.fitted = NEVER_FITTED
+            self._renew(time_s, rounds=2)
         self._next_fit_s = time_s + self.rules.refit_s
         return self.findings
 
@@ -197,7 +204,7 @@ class Locator:
             return None
         return ArrayEstimate.of_fit(self.estimate, sum(track.n_pulses for track in confirmed))
 
-    def _renew(self, time_s: float, rounds: int, *, always: bool = False) -> None:
+    def _renew(self, time_s: float, rounds: int) -> None:
         """Update all tracks with the pulses so far."""
         self._pool.pool()
         if not self._pool.groups.time_s.size:
@@ -205,7 +212,7 @@ class Locator:
         self._window = self._pool.window_of(self._pool.groups.time_s)
         self._expect()
         self._initiate(time_s)
-        if always or any(self._has_changed(track) for track in self._tracks):
+        if any(self._has_changed(track) for track in self._tracks):
             self._maximise(rounds)
             self._expect()
         self._merge()
@@ -225,9 +232,10 @@ class Locator:
             row[: known.size] = known[: row.size]
         compared, levels = [self._compare(track) for track in tracks], [track.level for track in tracks]
         is_confirmed = np.array([track.state == "confirmed" for track in tracks])
+        likelihood = likelihoods(groups, compared, levels, is_confirmed)
         for _ in range(2):
             share = window_shares(probability, groups.n_pulses, self._window)
-            self._association = associate(groups, compared, levels, is_confirmed, share)
+            self._association = associate(likelihood, share)
             probability = self._association.direct + self._association.multipath
         for track, direct, multipath in zip(tracks, self._association.direct, self._association.multipath, strict=True):
             track.direct, track.multipath = direct, multipath
@@ -268,11 +276,11 @@ class Locator:
         return abs(n - fitted_n) > CHANGED_SHARE * fitted_n or abs(aperture_rad - fitted_rad) > CHANGED_RAD
 
     def _initiate(self, time_s: float) -> None:
-        """Initiate a track from pulses that no track explains."""
+        """Initiate a track from pulses that no direct path explains; those that may be multipath need to cross."""
         groups = self._pool.groups
         explained = np.zeros(groups.time_s.size)
         for track in self._tracks:
-            explained += track.direct + track.multipath
+            explained += track.direct
         is_unexplained = explained < UNEXPLAINED_PROBABILITY
         n_unexplained = int(groups.n_pulses[is_unexplained].sum())
         if abs(n_unexplained - self._n_unexplained) < max(LEAST_NEW, LEAST_NEW_SHARE * self._n_unexplained):
@@ -333,13 +341,13 @@ class Locator:
         self._array_tracks: set[int] = set()
 
     def _maximise(self, rounds: int) -> None:
-        """Fit the array together with the best tracks, then each of the others that has changed."""
+        """Fit the array together with the best tracks, and each of the others; only what has changed is fitted."""
         tracks = [track for track in self._tracks if self._basis(track)[0] >= LEAST_GROUPS]
         best = [track for track in tracks if track.state == "confirmed"]
         if not best:
             best = sorted((t for t in tracks if t.state == "candidate"), key=lambda t: -t.log_odds)[:1]
-        if best:
-            is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
+        is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
+        if best and (is_new or any(self._has_changed(track) for track in best)):
             self._array_tracks = {track.id for track in best}
             self.estimate = self._fit(best, rounds=4 if is_new else rounds, is_new=is_new)
             self.estimate = self._check_known_errors(best, self.estimate)
@@ -570,9 +578,10 @@ class Locator:
             self._is_tried[:] = False
 
     def _state(self, track: Track) -> State:
-        """Return the state of a track; a confirmed one has more lenient limits."""
-        is_sure = track.evidence.pulses > OCCAM or track.evidence.rate < -OCCAM
-        place = track.position_m[:2], track.covariance_m2[:2, :2]
+        """Return the state of a track; one that is confirmed or beyond the fence has more lenient limits."""
+        size = KEPT_OUTSIDE if track.state == "outside" else 1.0
+        is_sure = track.evidence.pulses > size * OCCAM or track.evidence.rate < -size * OCCAM
+        place = track.position_m[:2], size**2 * track.covariance_m2[:2, :2]
         if is_sure and self.fence_m is not None and not reaches95(*place, np.asarray(self.fence_m)):
             return "outside"
         least = self.rules.confirm_probability

@@ -34,7 +34,7 @@ class Evidence(NamedTuple):
     image: float = np.inf
 
 
-NO_EVIDENCE, UNKNOWN_LEVEL = Evidence(), Level(*LEVEL_PRIOR_DB)
+NO_EVIDENCE, UNKNOWN_LEVEL, NEVER_FITTED = Evidence(), Level(*LEVEL_PRIOR_DB), (0.0, 0.0)
 
 
 @dataclass(kw_only=True)
@@ -84,7 +84,7 @@ class Track:
     n_pulses: int = 0
     compared: Comparison = NO_COMPARISON
     n_compared: int = 0
-    fitted: tuple[float, float] = (0.0, 0.0)
+    fitted: tuple[float, float] = NEVER_FITTED
     two: TwoSources = ONE_SOURCE
     n_tested: float = 0.0
     twin: int = 0

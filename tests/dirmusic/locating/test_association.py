@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.association import Association, Level, associate, compare_groups, window_shares
+from dirmusic.locating.association import Association, Level, associate, compare_groups, likelihoods, window_shares
 from dirmusic.locating.joint_fit import array_prior, nominal_array
 from dirmusic.locating.measurement import Noise
 from dirmusic.locating.pulse_pool import Groups
@@ -24,7 +24,8 @@ def associated(
     uncertainty[:3, :3], uncertainty[3:, 3:] = 0.01 * np.eye(3), np.linalg.inv(prior.information)
     known = prior.mean, uncertainty, nominal_array(ARRAY), Noise(0.05, 0.01, 0.1), np.full((4, n), transmission)
     compared, k = [compare_groups(groups, place_m, *known) for place_m in places_m], len(places_m)
-    return associate(groups, compared, [LEVEL] * k, np.full(k, is_located), np.full((k + 1, n), 1.0 / (k + 1)))
+    likelihood = likelihoods(groups, compared, [LEVEL] * k, np.full(k, is_located))
+    return associate(likelihood, np.full((k + 1, n), 1.0 / (k + 1)))
 
 
 def origin(azimuth_deg: float, excess_db: float, transmission: float = FREE) -> tuple[float, float]:
