@@ -58,14 +58,15 @@ CHANGED_SHARE, CHANGED_RAD = 0.1, np.radians(10.0)
 """Change of the number of groups, and of the aperture, after which a source is fitted again (assumed)."""
 
 UNEXPLAINED_PROBABILITY, LEAST_NEW, LEAST_NEW_SHARE = 0.3, 4, 0.1
-"""Probability of a direct path below which a group may initiate a track, and change of the number of such pulses,
+"""Probability of any source below which a group may initiate a track, and change of the number of such pulses,
 absolute and relative, after which initiation is tried again (assumed)."""
 
 ACTIVE_SHARE = 0.1
 """Share of the pulses of a window above which a source is active there (assumed)."""
 
-APART_M = 0.3
-"""Least distance of a new track from others (assumed)."""
+APART_M, APART_OF_MULTIPATH_M = 0.3, 2.0
+"""Least distance of a new track from others, and of one from pulses that multipath explains (assumed): nearer ones are
+found by `compare_with_two`."""
 
 LEAST_UNTRIED = 0.5
 """Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
@@ -276,23 +277,27 @@ class Locator:
         return abs(n - fitted_n) > CHANGED_SHARE * fitted_n or abs(aperture_rad - fitted_rad) > CHANGED_RAD
 
     def _initiate(self, time_s: float) -> None:
-        """Initiate a track from pulses that no direct path explains; those that may be multipath need to cross."""
+        """Initiate a track from pulses that no track explains, or else from those that multipath explains."""
         groups = self._pool.groups
-        explained = np.zeros(groups.time_s.size)
+        direct, of_any = np.zeros((2, groups.time_s.size))
         for track in self._tracks:
-            explained += track.direct
-        is_unexplained = explained < UNEXPLAINED_PROBABILITY
-        n_unexplained = int(groups.n_pulses[is_unexplained].sum())
+            direct += track.direct
+            of_any += track.direct + track.multipath
+        is_unexplained = of_any < UNEXPLAINED_PROBABILITY
+        is_multipath = ~is_unexplained & (direct < UNEXPLAINED_PROBABILITY)
+        n_unexplained = int(groups.n_pulses[is_unexplained | is_multipath].sum())
         if abs(n_unexplained - self._n_unexplained) < max(LEAST_NEW, LEAST_NEW_SHARE * self._n_unexplained):
             return
         self._n_unexplained = n_unexplained
         occupied_m = np.array([track.position_m for track in self._tracks]).reshape(-1, N_PLACE)
-        may_be_multipath = np.zeros(groups.time_s.size, dtype=np.bool_)
+        may_be_multipath = is_multipath.copy()
         for track, share in zip(self._tracks, self._association.share, strict=False):
             if track.state == "confirmed":
                 is_weaker = groups.level_db < track.level.limit_db(track.compared.range_m)
                 may_be_multipath |= is_weaker & (share > ACTIVE_SHARE)
-        crossing = find_crossing(groups, is_unexplained, may_be_multipath, self._window, time_s, occupied_m, APART_M)
+        known = may_be_multipath, self._window, time_s, occupied_m
+        crossing = find_crossing(groups, is_unexplained, *known, APART_M)
+        crossing = crossing or find_crossing(groups, is_multipath, *known, APART_OF_MULTIPATH_M)
         candidates = [track for track in self._tracks if track.state == "candidate"]
         stale = [
             track for track in candidates if track.last_s < time_s - STALE_S or track.evidence.pulses < LEAST_EVIDENCE

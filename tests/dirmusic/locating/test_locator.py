@@ -121,6 +121,28 @@ def test_two_sources_are_told_apart_from_around_both(radius_m: float) -> None:
     assert len(confirmed(locator)) == 2
 
 
+def test_weaker_source_is_found_beside_one_that_may_explain_it_by_multipath() -> None:
+    """Where the map hides a strong source, its multipath may have any direction, but not the pulses of a second one."""
+
+    def sight(places_m: FloatArray, target_m: FloatArray, _: float) -> FloatArray:
+        is_strong = np.linalg.norm(target_m[:2] - TWO_M[0, :2]) < 1.0
+        return np.full(len(places_m), 0.4 if is_strong else 1.0)
+
+    strong = detections(path_round(TWO_M[0, :2], 3.0, 0.0, 360.0, 160), TWO_M[:1], 0)
+    path = path_round((20.0, 15.0), 6.0, 180.0, 480.0, 240)
+    later = [
+        detections(path, place_m, k, volts=volts)
+        for k, (place_m, volts) in enumerate(zip(TWO_M[:, np.newaxis], (0.8, 0.2), strict=True))
+    ]
+    start_s = STEP_S * len(strong)
+    both = [
+        (start_s + time_s, pose, PulseBatch.join([pulses, weak]))
+        for (time_s, pose, pulses), (_, _, weak) in zip(*later, strict=True)
+    ]
+    locator, _ = listen([*strong, *both], sight=sight)
+    assert min(np.linalg.norm(f.position_m[:2] - TWO_M[1, :2]) for f in confirmed(locator)) < 0.5
+
+
 @pytest.mark.whole
 def test_ids_are_kept_and_never_reused() -> None:
     """Ids are in order, and tracks that were deleted leave theirs to nobody; existence is high if confirmed."""
