@@ -4,7 +4,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -54,7 +54,10 @@ def call_verb(function: Callable[..., None], arguments: Sequence[str]) -> None:
 
 
 def parse_arguments(function: Callable[..., None], arguments: Sequence[str]) -> Callable[[], None]:
-    """Return the call of the function of a verb that arguments state; print its help and exit if they ask for it."""
+    """Return the call of the function of a verb that arguments state; print its help and exit if they ask for it.
+
+    Arguments that do not fit print one line per error and exit with status 2.
+    """
 
     def bind(*values: Any, **options: Any) -> Callable[[], None]:  # noqa: ANN401 - the arguments of any verb
         return partial(function, *values, **options)
@@ -63,15 +66,39 @@ def parse_arguments(function: Callable[..., None], arguments: Sequence[str]) -> 
     bind.__dict__["__signature__"] = inspect.signature(function)
     bind.__annotations__ = get_type_hints(function, include_extras=True)
     bind.__doc__ = re.sub(r"\n {8}(?=\S)", " ", inspect.getdoc(function) or "")
-    help_text = StringIO()
+    prog, help_text, error_text = f"pdpatrol {function.__name__}", StringIO(), StringIO()
     try:
-        with redirect_stdout(help_text):
-            return tyro.cli(
-                bind, prog=f"pdpatrol {function.__name__}", args=arguments, config=(tyro.conf.FlagCreatePairsOff,)
-            )
+        with redirect_stdout(help_text), redirect_stderr(error_text):
+            return tyro.cli(bind, prog=prog, args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
     finally:
         for line in help_text.getvalue().splitlines():
             sys.stdout.write(f"{wrapped(line.rstrip())}\n")
+        if error_text.getvalue():
+            refuse(*_usage_errors(error_text.getvalue(), prog))
+
+
+WORDS = (
+    (r"^Error parsing (\S+): could not convert string to float: ", r"\1: must be a number, got "),
+    (r"^Error parsing (\S+): invalid literal for int\(\) with base 10: ", r"\1: must be a whole number, got "),
+    (r"^Error parsing ", ""),
+    (r"^[Ii]nvalid choice (.+) for argument '(.+)'. Expected one of \((.+)\) ?\.$", r"\2: must be one of \3, got \1"),
+    (r"^Missing value for argument '(.+)'\. Expected .*$", r"\1: must have a value"),
+    (r"^Unrecognized options: ", "unknown: "),
+)
+"""Beginnings of errors of tyro, and the words in which all other errors are."""
+
+
+def _usage_errors(text: str, prog: str) -> list[str]:
+    """Return the box that tyro draws around an error as one line per error."""
+    error, *others = re.split(r"^\s*-{3,}\s*$", text, flags=re.MULTILINE)[1:]
+    if error.lstrip().startswith("Missing from"):
+        names = re.findall(r"^ {6}(\S+)", error, flags=re.MULTILINE)
+        return [f"{name}: must be given; see `{prog} --help`" for name in names]
+    line = " ".join(error.split())
+    for pattern, words in WORDS:
+        line = re.sub(pattern, words, line)
+    meant = re.findall(r"^ +(--\S+)", others[0], flags=re.MULTILINE) if "Perhaps you meant" in others[0] else []
+    return [f"{line}; see `{prog} --help`" + (f"; did you mean {' or '.join(meant)}?" if meant else "")]
 
 
 def _option_error(item: Any) -> str:  # noqa: ANN401 - a dictionary of pydantic

@@ -103,8 +103,26 @@ def test_mistyped_name_gets_a_suggestion(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mistyped_option_gets_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        call("run", "--sed", "3")
-    assert ended.value.code == 2
-    assert re.search(r"Perhaps you meant:\W+--seed", capsys.readouterr().err)
+@pytest.mark.parametrize(
+    ("arguments", "lines"),
+    [
+        ("run --sed 3", ["unknown: --sed, 3; see `pdpatrol run --help`; did you mean --seed?"]),
+        ("run one_source spare", ["unknown: spare; see `pdpatrol run --help`"]),
+        ("run --seed x", ["--seed: must be a whole number, got 'x'; see `pdpatrol run --help`"]),
+        ("run --seed", ["--seed: must have a value; see `pdpatrol run --help`"]),
+        ("plan --amplitude-v x", ["--amplitude-v: must be a number, got 'x'; see `pdpatrol plan --help`"]),
+        ("sweep --engine x", ["--engine: must be one of 'pool', 'ray', got 'x'; see `pdpatrol sweep --help`"]),
+        (
+            "gap",
+            [
+                "RECORDING.csv: must be given; see `pdpatrol gap --help`",
+                "--yard: must be given; see `pdpatrol gap --help`",
+            ],
+        ),
+    ],
+)
+def test_arguments_that_do_not_fit_print_a_line_per_error(
+    arguments: str, lines: list[str], tmp_path: Path, refused: Refused
+) -> None:
+    assert refused(*arguments.split(), cwd=tmp_path) == lines
+    assert list(tmp_path.iterdir()) == []
