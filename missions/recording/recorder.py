@@ -19,7 +19,7 @@ from pdpatrol.missions.recording.motion import (
     set_step,
 )
 from pdpatrol.missions.recording.scene import draw_scene
-from pdpatrol.missions.recording.story import draw_events, draw_outcome, draw_story
+from pdpatrol.missions.recording.story import draw_events, draw_outcome, draw_start, draw_story
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.wording import outcome_text, title_text
 
@@ -72,6 +72,8 @@ class Recorder:
         if report:
             draw_phase_patterns(self.stream, self._log, report)
             self.stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
+        if n_drawn == 0 < end:
+            draw_start(self.stream, self._log)
         self.stream.flush()
         draw_motion(self.stream, whole)
         draw_bearing_plot(self.stream, whole)
