@@ -17,7 +17,7 @@ from pdpatrol.missions.recording.palette import PALETTE
 from pdpatrol.missions.recording.scene import lines_3d
 from pdpatrol.robot_models.moving_bodies import described_moving
 
-AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
+AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 3.0))
 """Azimuths at which pseudo-spectra are computed."""
 
 ARRAY_HEIGHT_M = 0.6

@@ -23,8 +23,8 @@ from pdpatrol.missions.recording.story import draw_events, draw_outcome, draw_st
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.wording import outcome_text, title_text
 
-CHUNK_BINS = 40
-"""Bins after which the data are written: 20 s of a mission. Each chunk of a file takes 2 kB, whatever it holds."""
+CHUNK_BINS = 60
+"""Bins after which the data are written: 30 s of a mission. Each chunk of a file takes 2 kB, whatever it holds."""
 
 
 class Recorder:
@@ -48,6 +48,7 @@ class Recorder:
             send_properties=False,
             batcher_config=rr.ChunkBatcherConfig.NEVER(),  # by time, the size of a file would depend on the machine
         )
+        self.stream.set_log_time_enabled(False)  # wall-clock times of the writing of the file
         self._log = log
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
         self._bin_steps = 5 if "truth" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
