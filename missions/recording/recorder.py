@@ -54,8 +54,8 @@ class Recorder:
         self._bin_steps = 5 if "truth" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
         self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
         self._styled: set[int] = set()  # numbers of the findings whose colours are set
+        self._has_scene = False
         self.stream.send_recording_name(title)
-        draw_scene(self.stream, log.meta)
 
     def update(self, *, is_over: bool) -> None:
         """Draw the complete bins; if the log no longer grows, the rest and the outcome as well.
@@ -63,6 +63,9 @@ class Recorder:
         What does not change comes first, then motion, phases and plots, so that a browser shows yard, robot and the
         phases of the mission while the rest of a file arrives.
         """
+        if not self._has_scene:  # not before, so that a blueprint can be sent first
+            draw_scene(self.stream, self._log.meta)
+            self._has_scene = True
         n_steps, n_drawn = self._log.n_rows("step"), self._n_drawn["step"]
         end = n_steps if is_over else n_steps - (n_steps - n_drawn) % self._bin_steps
         whole = self._rows_until(end)

@@ -69,3 +69,22 @@ def test_click_on_a_picture_replays_the_mission(name: str, theme: Theme, site: P
             page.wait_for_timeout(15_000)  # in software, a frame takes a second
             picture(page, f"gallery-{name}-{theme}-{place}")
         assert errors == []
+
+
+def shows_yard_robot_and_phases(seen: NDArray[np.uint8]) -> bool:
+    """Return whether a picture in the dark theme has the plan, the dark body of the robot and the bar of phases."""
+    robot_view, bar = seen[70:530, 10:520], seen[614, 5:1185].astype(int)
+    robot_share = float((robot_view.max(axis=-1) < 90).mean())  # all of an empty view is dark
+    coloured_share = float((np.ptp(bar, axis=-1) > 0.3 * bar.max(axis=-1)).mean())
+    return has_drawn(seen) and 2e-4 < robot_share < 0.2 and coloured_share > 0.6
+
+
+def test_first_fifth_of_a_recording_shows_yard_robot_and_phases(site: Path) -> None:
+    """On a slow connection, the first screen is complete before the rest of the file has arrived."""
+    data = (site / "replay" / "two_sources.rrd").read_bytes()
+    (site / "first_fifth.rrd").write_bytes(data[: len(data) // 5])
+    with served(site) as url:
+        address = f"{url}/replay/index.html?hide_welcome_screen&theme=dark&url={url}/first_fifth.rrd"
+        with opened(address, "dark") as (page, _):
+            page.set_viewport_size({"width": 1600, "height": 1000})
+            assert shows_yard_robot_and_phases(picture_when(page, "gallery-first-fifth", shows_yard_robot_and_phases))
