@@ -17,7 +17,7 @@ from pdpatrol.missions.recording.palette import PALETTE
 from pdpatrol.missions.recording.scene import lines_3d
 from pdpatrol.robot_models.moving_bodies import described_moving
 
-AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
+AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 3.0))
 """Azimuths at which pseudo-spectra are computed."""
 
 ARRAY_HEIGHT_M = 0.6
@@ -78,11 +78,19 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
     is_new = np.append(first == 0, phase[1:] != phase[:-1])[-(end - first) :]
     states = rr.StateChange.columns(state=step["phase"][is_new])
     stream.send_columns("mission/phase", at_steps(log, first + np.flatnonzero(is_new)), states)
-    stream.send_columns("world/robot", times, _moves(step["pose"]))
+    if first == 0:  # the first step ends after the start of the mission, when a viewer would show nothing
+        _draw_poses(stream, log, 0, 1, [rr.TimeColumn("sim_time", duration=[0.0])])
+    _draw_poses(stream, log, first, end, times)
+
+
+def _draw_poses(stream: rr.RecordingStream, log: MissionLog, first: int, end: int, times: list[rr.TimeColumn]) -> None:
+    """Draw the poses of robot, camera and moving bodies in the steps from `first` up to `end`."""
+    stream.send_columns("world/robot", times, _moves(log.column("step", "pose", first, end)))
     stream.send_columns("world/camera", times, _camera_moves(log, first, end))
     for description in log.meta.get("truth", {}).get("moving", ()):
         body, track = described_moving(description)
-        stream.send_columns(f"world/truth/{body.label}", times, _moves(track.pose(step["time_s"])))
+        pose = track.pose(log.column("step", "time_s", first, end))
+        stream.send_columns(f"world/truth/{body.label}", times, _moves(pose))
 
 
 def draw_bearing_plot(stream: rr.RecordingStream, part: LogBin) -> None:

@@ -19,12 +19,12 @@ from pdpatrol.missions.recording.motion import (
     set_step,
 )
 from pdpatrol.missions.recording.scene import draw_scene
-from pdpatrol.missions.recording.story import draw_events, draw_outcome, draw_story
+from pdpatrol.missions.recording.story import draw_events, draw_outcome, draw_start, draw_story
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.wording import outcome_text, title_text
 
-CHUNK_BINS = 40
-"""Bins after which the data are written: 20 s of a mission. Each chunk of a file takes 2 kB, whatever it holds."""
+CHUNK_BINS = 60
+"""Bins after which the data are written: 30 s of a mission. Each chunk of a file takes 2 kB, whatever it holds."""
 
 
 class Recorder:
@@ -48,13 +48,14 @@ class Recorder:
             send_properties=False,
             batcher_config=rr.ChunkBatcherConfig.NEVER(),  # by time, the size of a file would depend on the machine
         )
+        self.stream.set_log_time_enabled(False)  # wall-clock times of the writing of the file
         self._log = log
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
         self._bin_steps = 5 if "truth" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
         self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
         self._styled: set[int] = set()  # numbers of the findings whose colours are set
+        self._has_scene = False
         self.stream.send_recording_name(title)
-        draw_scene(self.stream, log.meta)
 
     def update(self, *, is_over: bool) -> None:
         """Draw the complete bins; if the log no longer grows, the rest and the outcome as well.
@@ -62,6 +63,9 @@ class Recorder:
         What does not change comes first, then motion, phases and plots, so that a browser shows yard, robot and the
         phases of the mission while the rest of a file arrives.
         """
+        if not self._has_scene:  # not before, so that a blueprint can be sent first
+            draw_scene(self.stream, self._log.meta)
+            self._has_scene = True
         n_steps, n_drawn = self._log.n_rows("step"), self._n_drawn["step"]
         end = n_steps if is_over else n_steps - (n_steps - n_drawn) % self._bin_steps
         whole = self._rows_until(end)
@@ -72,6 +76,8 @@ class Recorder:
         if report:
             draw_phase_patterns(self.stream, self._log, report)
             self.stream.send_recording_name(f"{title_text(self._log.meta)}: {outcome_text(report)}")
+        if n_drawn == 0 < end:
+            draw_start(self.stream, self._log)
         self.stream.flush()
         draw_motion(self.stream, whole)
         draw_bearing_plot(self.stream, whole)

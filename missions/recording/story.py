@@ -24,6 +24,17 @@ NEAR_M = 3.0
 """Distance from a site, and size of the 95 % ellipse, up to which a candidate is said to be near the piece."""
 
 
+def draw_start(stream: rr.RecordingStream, log: MissionLog) -> None:
+    """Describe the start of a mission, at time zero."""
+    stream.reset_time()
+    stream.set_time("sim_time", duration=0.0)
+    n_sites = len(log.meta.get("sites", ()))
+    known = f"The map has {n_sites} sites where a discharge can occur. " if n_sites else ""
+    title = f"### The {'mission' if log.meta['policy'] else 'survey'} starts"
+    _draw_text(stream, "mission/status", [title, "", f"{known}Nothing has been detected yet."])
+    _draw_text(stream, "mission/events", ["None yet"])
+
+
 def draw_events(stream: rr.RecordingStream, part: LogBin) -> None:
     """List the latest events at the time of each event of a bin, so that the list never shows the future."""
     steps, stop = np.unique(part.tables["event"]["step"], return_counts=True)

@@ -1,4 +1,4 @@
-"""Headless browser: pictures and errors of a page."""
+"""Headless browser: pictures and errors of a page, and a server for it."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import io
 import os
 import re
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -64,6 +67,24 @@ def opened(url: str, theme: Theme) -> Iterator[Opened]:
             yield Opened(page, errors)
         finally:
             browser.close()
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    """Handler that prints nothing."""
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Do nothing."""
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """Serve a folder on this machine, and yield the address."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=str(folder))) as server:
+        threading.Thread(target=server.serve_forever).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
 
 
 def picture(page: Page, name: str) -> NDArray[np.uint8]:

@@ -22,6 +22,7 @@ LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
 
 ELSEWHERE = {
     "answers.md": "tests/test_answers.py",
+    "gallery.md": "tests/browser/test_gallery.py",
     "suite.md": "tests/envs/scenario/test_suite.py",
     "sweeps.md": "tests/missions/sweep",
     "how-to/antenna.md": "tests/examples/test_own.py",

@@ -40,3 +40,5 @@ def test_notebook_gives_its_stored_output(tmp_path: Path) -> None:
     for before, after in zip(code_cells(stored), code_cells(run), strict=True):
         assert printed(after) == printed(before)
         assert n_pictures(after) == n_pictures(before)
+    (replay,) = [cell for cell in code_cells(run) if "notebook_viewer(" in cell["source"]]
+    assert any("application/vnd.jupyter.widget-view+json" in output["data"] for output in replay["outputs"])

@@ -11,12 +11,18 @@ from pdpatrol.missions.recording import write_recording
 Entities = dict[str, dict[str, dict[int | None, Any]]]
 
 
-def read_recording(path: Path) -> Entities:
-    """Return the values of each component of each entity by step; static values have the step None."""
+def read_recording(path: Path, *, is_start: bool = False) -> Entities:
+    """Return the values of each component of each entity by step; static values have the step None.
+
+    The values at time zero, before the first step, are returned alone, with the step None, if `is_start` is true.
+    """
     found: Entities = {}
     for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if is_start != ("sim_time" in batch.schema.names and "step" not in batch.schema.names):
+            continue
         entity = found.setdefault(str(chunk.entity_path).lstrip("/"), {})
-        for row in chunk.to_record_batch().to_pylist():
+        for row in batch.to_pylist():
             for name, cell in row.items():
                 if ":" in name and cell is not None and "rowid" not in name.lower():
                     entity.setdefault(name.rpartition(":")[2], {})[row.get("step")] = cell
