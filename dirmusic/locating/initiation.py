@@ -25,14 +25,28 @@ LEAST_PULSES, LEAST_WINDOWS, MAX_ROWS = 4, 4, 200
 """Number of pulses and of windows with pulses that initiate a track where the lines of sight cross, whatever their age,
 and number of the latest groups that are searched (assumed)."""
 
-SIGNIFICANT = 5.0
-"""Least log likelihood ratio of a crossing against chance (assumed)."""
-
 MAX_ATTEMPTS = 5
 """Number of crossings that are tried if the first ones are positions of known sources (assumed)."""
 
 INITIAL_RANGE_M, LEAST_RANGE_M = 10.0, 0.5
 """Largest initial range of a source of which only the direction is known, and least range of a crossing (assumed)."""
+
+
+class CrossingRule(NamedTuple):
+    """Conditions for a crossing.
+
+    Attributes:
+        apart_m: Least horizontal distance from known sources.
+        significance: Least log likelihood ratio against chance.
+    """
+
+    apart_m: float
+    significance: float
+
+
+OF_UNEXPLAINED, OF_MULTIPATH = CrossingRule(0.3, 5.0), CrossingRule(2.0, 15.0)
+"""Rules for pulses that no source explains, and for those that multipath explains (assumed). Sources less than 2 m from
+a known one are found by `compare_with_two`."""
 
 
 class Crossing(NamedTuple):
@@ -56,9 +70,9 @@ def find_crossing(
     window: IntArray,
     time_s: float,
     occupied_m: FloatArray,
-    least_apart_m: float,
+    rule: CrossingRule,
 ) -> Crossing | None:
-    """Find a position that explains groups which no source explains.
+    """Find a position that explains groups which no direct path explains.
 
     Args:
         groups: All groups so far.
@@ -67,22 +81,22 @@ def find_crossing(
         window: Number of the window of each group, shape (n,).
         time_s: Time of the latest pose.
         occupied_m: Positions of known sources, shape (n_sources, 3).
-        least_apart_m: Least horizontal distance from these.
+        rule: Conditions for the crossing.
     """
     free = np.flatnonzero(is_unexplained & (groups.std_rad < LARGEST_STD_RAD))
     for _ in range(MAX_ATTEMPTS):
-        crossing = _crossing(groups, free, may_be_multipath, window, time_s)
+        crossing = _crossing(groups, free, may_be_multipath, window, time_s, rule.significance)
         if crossing is None:
             return None
         apart_m = np.linalg.norm(occupied_m[:, :2] - crossing.position_m[:2], axis=-1)
-        if apart_m.min(initial=np.inf) >= least_apart_m:
+        if apart_m.min(initial=np.inf) >= rule.apart_m:
             return crossing
         free = np.setdiff1d(free, crossing.rows)
     return None
 
 
 def _crossing(
-    groups: Groups, rows: IntArray, may_be_multipath: BoolArray, window: IntArray, time_s: float
+    groups: Groups, rows: IntArray, may_be_multipath: BoolArray, window: IntArray, time_s: float, significant: float
 ) -> Crossing | None:
     """Find where most of the lines of sight of some groups cross."""
     recent = rows[(groups.time_s[rows] > time_s - RECENT_S) & ~may_be_multipath[rows]]
@@ -105,7 +119,7 @@ def _crossing(
         std_rad = np.hypot(groups.std_rad[rows], EXTRA_STD_RAD)
         crossed = triangulate(groups.pose[rows, :2], bearing, std_rad)
         own = rows[crossed.is_inlier]
-        is_chance = not is_sector and significance(window[rows], std_rad, crossed.is_inlier) < SIGNIFICANT
+        is_chance = not is_sector and significance(window[rows], std_rad, crossed.is_inlier) < significant
         if groups.n_pulses[own].sum() < LEAST_PULSES or is_chance:
             return None
         last_m = groups.pose[own[-1], :2]

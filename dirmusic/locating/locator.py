@@ -32,7 +32,7 @@ from dirmusic.locating.existence import (
     rate_evidence,
 )
 from dirmusic.locating.finding import Finding, State, reaches95
-from dirmusic.locating.initiation import find_crossing
+from dirmusic.locating.initiation import OF_MULTIPATH, OF_UNEXPLAINED, find_crossing
 from dirmusic.locating.joint_fit import ErrorLevels, JointEstimate, JointFit, array_prior, nominal_array
 from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
@@ -63,10 +63,6 @@ absolute and relative, after which initiation is tried again (assumed)."""
 
 ACTIVE_SHARE = 0.1
 """Share of the pulses of a window above which a source is active there (assumed)."""
-
-APART_M, APART_OF_MULTIPATH_M = 0.3, 2.0
-"""Least distance of a new track from others, and of one from pulses that multipath explains (assumed): nearer ones are
-found by `compare_with_two`."""
 
 LEAST_UNTRIED = 0.5
 """Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
@@ -296,8 +292,8 @@ class Locator:
                 is_weaker = groups.level_db < track.level.limit_db(track.compared.range_m)
                 may_be_multipath |= is_weaker & (share > ACTIVE_SHARE)
         known = may_be_multipath, self._window, time_s, occupied_m
-        crossing = find_crossing(groups, is_unexplained, *known, APART_M)
-        crossing = crossing or find_crossing(groups, is_multipath, *known, APART_OF_MULTIPATH_M)
+        crossing = find_crossing(groups, is_unexplained, *known, OF_UNEXPLAINED)
+        crossing = crossing or find_crossing(groups, is_multipath, *known, OF_MULTIPATH)
         candidates = [track for track in self._tracks if track.state == "candidate"]
         stale = [
             track for track in candidates if track.last_s < time_s - STALE_S or track.evidence.pulses < LEAST_EVIDENCE
@@ -346,13 +342,13 @@ class Locator:
         self._array_tracks: set[int] = set()
 
     def _maximise(self, rounds: int) -> None:
-        """Fit the array together with the best tracks, and each of the others; only what has changed is fitted."""
+        """Fit the array together with the best tracks, then each of the others that has changed."""
         tracks = [track for track in self._tracks if self._basis(track)[0] >= LEAST_GROUPS]
         best = [track for track in tracks if track.state == "confirmed"]
         if not best:
             best = sorted((t for t in tracks if t.state == "candidate"), key=lambda t: -t.log_odds)[:1]
-        is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
-        if best and (is_new or any(self._has_changed(track) for track in best)):
+        if best:
+            is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
             self._array_tracks = {track.id for track in best}
             self.estimate = self._fit(best, rounds=4 if is_new else rounds, is_new=is_new)
             self.estimate = self._check_known_errors(best, self.estimate)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.initiation import LEAST_PULSES, LEAST_WINDOWS, Crossing, find_crossing
+from dirmusic.locating.initiation import LEAST_PULSES, LEAST_WINDOWS, OF_UNEXPLAINED, Crossing, find_crossing
 from tests.dirmusic.locating.forward_model import groups_from
 from tests.dirmusic.scenes import around
 
@@ -28,7 +28,9 @@ def search(
     groups = groups_from(pose, azimuth, 1.0, -10.0, step_s * np.arange(n))
     window = np.floor(groups.time_s / 5.0).astype(np.intp)
     is_free = np.ones(n, dtype=np.bool_)
-    return find_crossing(groups, is_free, is_free & may_be_multipath, window, groups.time_s[-1], occupied_m, 0.3)
+    return find_crossing(
+        groups, is_free, is_free & may_be_multipath, window, groups.time_s[-1], occupied_m, OF_UNEXPLAINED
+    )
 
 
 def test_lines_of_sight_cross_at_the_source() -> None:
