@@ -14,7 +14,7 @@ from pdpatrol.missions.recording import serve
 
 MISSIONS = {
     "two_sources": "run two_sources --seed 7",
-    "switchyard": "run switchyard --seed 1",
+    "switchyard": "run switchyard --seed 2",
     "quiet_yard": "run quiet_yard --policy patrol",
 }
 """Arguments of `pdpatrol` by the name of the recording."""
