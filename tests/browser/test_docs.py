@@ -1,12 +1,11 @@
 """Site of the documentation, opened from disk in a browser, in both themes and on screens of three widths."""
 
-import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.browser.browser import NEEDS_CHROMIUM, Theme, opened, picture
-from tests.docs.site import ROOT, build_site
+from tests.docs.site import build_site
 
 pytest.importorskip("zensical", reason="uv run --group docs")
 pytestmark = [pytest.mark.whole, NEEDS_CHROMIUM]
@@ -35,12 +34,7 @@ CUT = """() => [...document.querySelectorAll('.md-content :is(pre, pre > code, t
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("docs") / "schöne Seiten"
-    folder.mkdir()
-    shutil.copytree(ROOT / "docs", folder / "docs")
-    done = build_site(folder)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder / "site"
+    return build_site(tmp_path_factory.mktemp("docs") / "schöne Seiten")
 
 
 def test_every_page_and_the_search_work_from_disk(site: Path) -> None:

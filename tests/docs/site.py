@@ -20,12 +20,13 @@ LINKED = (
 )
 
 
-def build_site(folder: Path) -> subprocess.CompletedProcess[str]:
-    """Build the pages into `site` in a folder that holds `docs`; the other inputs are linked into it."""
+def build_site(folder: Path) -> Path:
+    """Build a copy of the pages in a folder, and return the folder of the pages; other inputs are linked into it."""
+    shutil.copytree(ROOT / "docs", folder / "docs")
     for name in LINKED:
         (folder / name).symlink_to(ROOT / name)
     shutil.copy(ROOT / "zensical.toml", folder)  # a link would make the build write to its target
-    return subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "zensical", "build", "--strict"],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(folder), "NO_COLOR": "1"},
@@ -33,3 +34,5 @@ def build_site(folder: Path) -> subprocess.CompletedProcess[str]:
         text=True,
         timeout=120,
     )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "site"

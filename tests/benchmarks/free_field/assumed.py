@@ -1,4 +1,4 @@
-"""Cases in which nature is what the Locator assumes, and the bound of the position in them.
+"""Cases drawn from the model of the Locator, and the bound of the position in them.
 
 The states are drawn from their priors (`joint_fit.array_prior`) with the least error level of the pattern, and the
 strengths from the model in docs/explanation/locating.md, in NumPy. The noise is that of the receiver and interference

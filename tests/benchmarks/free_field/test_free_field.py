@@ -70,7 +70,7 @@ def test_wild_bearings_raise_the_median_by_half_at_most(n_cases: int) -> None:
 )
 @few_or_many(FEW, MANY_DRAWN)
 def test_error_is_near_the_bound(n_cases: int) -> None:
-    """The states are drawn from the priors of the Locator, and the bound is that of its own model."""
+    """States are drawn from the priors of the Locator; the bound follows from the same model."""
     square_m2, bound_m2 = np.empty(n_cases), np.empty(n_cases)
     for seed in range(n_cases):
         assumed = as_assumed(draw_case(seed, is_exact=True), seed)
