@@ -163,7 +163,8 @@ class Locator:
         self._association = Association(np.empty((0, 0)), np.empty((0, 0)), np.empty((1, 0)))
         self._window: IntArray = np.empty(0, dtype=np.intp)
         self._is_tried: BoolArray = np.empty(0, dtype=np.bool_)
-        self._n_initiated, self._n_unexplained, self._n_checked, self._next_fit_s = 0, 0, 0, -np.inf
+        self._n_unexplained = np.zeros(2)  # pulses that no source explains, and those that multipath explains
+        self._n_initiated, self._n_checked, self._next_fit_s = 0, 0, -np.inf
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
         """Add the pulses that were detected at one pose, and return all current findings; see `LocatorProtocol`."""
@@ -281,10 +282,12 @@ class Locator:
             of_any += track.direct + track.multipath
         is_unexplained = of_any < UNEXPLAINED_PROBABILITY
         is_multipath = ~is_unexplained & (direct < UNEXPLAINED_PROBABILITY)
-        n_unexplained = int(groups.n_pulses[is_unexplained | is_multipath].sum())
-        if abs(n_unexplained - self._n_unexplained) < max(LEAST_NEW, LEAST_NEW_SHARE * self._n_unexplained):
+        n_unexplained = np.stack((is_unexplained, is_multipath)) @ groups.n_pulses
+        least_new = np.maximum(LEAST_NEW, LEAST_NEW_SHARE * self._n_unexplained)
+        has_changed = np.abs(n_unexplained - self._n_unexplained) >= least_new
+        if not has_changed.any():
             return
-        self._n_unexplained = n_unexplained
+        self._n_unexplained = np.where(has_changed, n_unexplained, self._n_unexplained)
         occupied_m = np.array([track.position_m for track in self._tracks]).reshape(-1, N_PLACE)
         may_be_multipath = is_multipath.copy()
         for track, share in zip(self._tracks, self._association.share, strict=False):
@@ -292,8 +295,9 @@ class Locator:
                 is_weaker = groups.level_db < track.level.limit_db(track.compared.range_m)
                 may_be_multipath |= is_weaker & (share > ACTIVE_SHARE)
         known = may_be_multipath, self._window, time_s, occupied_m
-        crossing = find_crossing(groups, is_unexplained, *known, OF_UNEXPLAINED)
-        crossing = crossing or find_crossing(groups, is_multipath, *known, OF_MULTIPATH)
+        crossing = find_crossing(groups, is_unexplained, *known, OF_UNEXPLAINED) if has_changed[0] else None
+        if crossing is None and has_changed[1]:
+            crossing = find_crossing(groups, is_multipath, *known, OF_MULTIPATH)
         candidates = [track for track in self._tracks if track.state == "candidate"]
         stale = [
             track for track in candidates if track.last_s < time_s - STALE_S or track.evidence.pulses < LEAST_EVIDENCE
