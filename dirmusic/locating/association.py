@@ -213,6 +213,32 @@ def associate(likelihood: tuple[FloatArray, FloatArray, FloatArray], share: Floa
     return Association(direct / total, multipath / total, share)
 
 
+def possible_origin(
+    likelihood: tuple[FloatArray, FloatArray, FloatArray], association: Association, is_confirmed: BoolArray
+) -> FloatArray:
+    """Return the probability that a group came from each source, or would do so if no other candidate existed.
+
+    A source can only gain what other candidates have. Before the comparison, it is as likely as the confirmed sources
+    and none together.
+
+    Args:
+        likelihood: Result of `likelihoods`.
+        association: Probable origin of each group.
+        is_confirmed: True for sources that are not candidates, shape (n_sources,).
+
+    Returns:
+        Probability of the direct path, shape (n_sources, n).
+    """
+    direct, multipath, none = likelihood
+    kept = np.append(is_confirmed, True)[:, np.newaxis] * association.share
+    each = kept[:-1] * (direct + multipath)
+    others = each.sum(axis=0) - each + kept[-1] * none
+    alone = direct / (direct + others / np.maximum(kept.sum(axis=0) - kept[:-1], 1e-12))
+    of_candidates = ~is_confirmed[:, np.newaxis] * (association.direct + association.multipath)
+    gain = of_candidates.sum(axis=0) - of_candidates
+    return np.clip(alone, association.direct, association.direct + gain)
+
+
 def window_shares(probability: FloatArray, n_pulses: FloatArray, window: IntArray) -> FloatArray:
     """Estimate the share of each source, and of none, in the pulses of each window.
 

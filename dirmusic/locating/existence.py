@@ -90,24 +90,33 @@ def pulse_evidence(ratios: FloatArray, association: Association, window: IntArra
     return evidence
 
 
-def rate_evidence(expected: FloatArray, detected: FloatArray) -> float:
+def rate_evidence(expected: FloatArray, detected: FloatArray, possible: FloatArray) -> float:
     r"""Return the log odds by the numbers of detections in the windows in which a source was visible.
 
     A source has a nearly constant rate; a wandering wave or multipath has any. With n detections where E were expected,
     :math:`x = \ln \frac{n + 1/2}{E + 1/2}` has the variance :math:`s^2 + 1 / (E + 1/2)`, where s is `RATE_SPREAD` for a
-    source and `WANDER_RATE` for others. In a share `OFF` of the windows a source may be off.
+    source and `WANDER_RATE` for others. In a share `OFF` of the windows a source may be off. Few detections do not
+    count against it where other candidates have pulses that it may have emitted.
 
     Args:
         expected: Expected number of detections in each window, shape (n_windows,); windows below `LEAST_EXPECTED` do
             not count.
         detected: Number of detections in each window, shape (n_windows,).
+        possible: Number of detections in each window without other candidates, shape (n_windows,).
     """
     is_visible = expected > LEAST_EXPECTED
-    expected, detected = expected[is_visible], detected[is_visible]
-    offset, by_count = np.log((detected + 0.5) / (expected + 0.5)), 1.0 / (expected + 0.5)
+    expected, detected, possible = expected[is_visible], detected[is_visible], possible[is_visible]
+    by_count = 1.0 / (expected + 0.5)
     own, other = RATE_SPREAD**2 + by_count, WANDER_RATE**2 + by_count
-    ratio = 0.5 * np.log(other / own) - 0.5 * np.square(offset) * (1.0 / own - 1.0 / other)
-    return float(np.log((1.0 - OFF) * np.exp(ratio) + OFF).sum())
+
+    def ratio(n: FloatArray) -> FloatArray:
+        offset = np.log((n + 0.5) / (expected + 0.5))
+        return 0.5 * np.log(other / own) - 0.5 * np.square(offset) * (1.0 / own - 1.0 / other)
+
+    by_detected = ratio(detected)
+    most = np.clip(expected, detected, np.maximum(detected, possible))
+    by_detected = np.where(by_detected < 0.0, np.minimum(ratio(most), 0.0), by_detected)
+    return float(np.log((1.0 - OFF) * np.exp(by_detected) + OFF).sum())
 
 
 def level_evidence(level: Level) -> float:

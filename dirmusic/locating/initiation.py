@@ -12,7 +12,7 @@ from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.bearing_fit import INLIER_SIGMAS, triangulate
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.joint_fit import with_height, with_height_covariance
-from dirmusic.locating.pulse_pool import Groups
+from dirmusic.locating.pulse_pool import Groups, choose_evenly
 
 LARGEST_STD_RAD, EXTRA_STD_RAD = np.radians(25.0), np.radians(4.0)
 """Largest standard deviation of a direction that initiates a track, and standard deviation of the errors of array and
@@ -21,9 +21,13 @@ method that is added for the crossing (assumed)."""
 RECENT_S, SECTOR_RAD, SECTOR_PULSES = 10.0, np.radians(10.0), 6
 """Age, half the width of a sector, and number of pulses in it that initiate a track at once (assumed)."""
 
-LEAST_PULSES, LEAST_WINDOWS, MAX_ROWS = 4, 4, 200
-"""Number of pulses and of windows with pulses that initiate a track where the lines of sight cross, whatever their age,
-and number of the latest groups that are searched (assumed)."""
+LEAST_PULSES, LEAST_WINDOWS = 4, 4
+"""Number of pulses and of windows with pulses that initiate a track where the lines of sight cross, whatever their age
+(assumed)."""
+
+INITIATION_S, MAX_ROWS = 60.0, 200
+"""Time over which the latest groups are searched, longer if they are few, and number that is searched, evenly spread
+(assumed)."""
 
 MAX_ATTEMPTS = 5
 """Number of crossings that are tried if the first ones are positions of known sources (assumed)."""
@@ -32,21 +36,13 @@ INITIAL_RANGE_M, LEAST_RANGE_M = 10.0, 0.5
 """Largest initial range of a source of which only the direction is known, and least range of a crossing (assumed)."""
 
 
-class CrossingRule(NamedTuple):
-    """Conditions for a crossing.
+APART_M, CANDIDATE_APART_M = 2.0, 0.3
+"""Least horizontal distance of a new track from confirmed ones and from candidates (assumed). Closer to a confirmed
+one, reflections cause crossings, and `compare_with_two` finds second sources."""
 
-    Attributes:
-        apart_m: Least horizontal distance from known sources.
-        significance: Least log likelihood ratio against chance.
-    """
-
-    apart_m: float
-    significance: float
-
-
-OF_UNEXPLAINED, OF_MULTIPATH = CrossingRule(0.3, 5.0), CrossingRule(2.0, 15.0)
-"""Rules for pulses that no source explains, and for those that multipath explains (assumed). Sources less than 2 m from
-a known one are found by `compare_with_two`."""
+OF_UNEXPLAINED, OF_MULTIPATH = 5.0, 15.0
+"""Least log likelihood ratio of a crossing against chance, for pulses that no source explains, and for those that
+multipath explains (assumed)."""
 
 
 class Crossing(NamedTuple):
@@ -70,7 +66,8 @@ def find_crossing(
     window: IntArray,
     time_s: float,
     occupied_m: FloatArray,
-    rule: CrossingRule,
+    apart_m: FloatArray,
+    significant: float,
 ) -> Crossing | None:
     """Find a position that explains groups which no direct path explains.
 
@@ -80,16 +77,16 @@ def find_crossing(
         may_be_multipath: True for those that need to cross, because they may be multipath of a known source.
         window: Number of the window of each group, shape (n,).
         time_s: Time of the latest pose.
-        occupied_m: Positions of known sources, shape (n_sources, 3).
-        rule: Conditions for the crossing.
+        occupied_m: Positions of tracks, shape (n_tracks, 3).
+        apart_m: Least horizontal distances of the crossing from these, shape (n_tracks,).
+        significant: Least log likelihood ratio against chance.
     """
     free = np.flatnonzero(is_unexplained & (groups.std_rad < LARGEST_STD_RAD))
     for _ in range(MAX_ATTEMPTS):
-        crossing = _crossing(groups, free, may_be_multipath, window, time_s, rule.significance)
+        crossing = _crossing(groups, free, may_be_multipath, window, time_s, significant)
         if crossing is None:
             return None
-        apart_m = np.linalg.norm(occupied_m[:, :2] - crossing.position_m[:2], axis=-1)
-        if apart_m.min(initial=np.inf) >= rule.apart_m:
+        if (np.linalg.norm(occupied_m[:, :2] - crossing.position_m[:2], axis=-1) >= apart_m).all():
             return crossing
         free = np.setdiff1d(free, crossing.rows)
     return None
@@ -107,7 +104,8 @@ def _crossing(
     if is_sector:
         rows = recent[is_near[in_sector.argmax()]]
     else:
-        rows = rows[-MAX_ROWS:]
+        n_recent = int(np.count_nonzero(groups.time_s[rows] > time_s - INITIATION_S))
+        rows = choose_evenly(rows[-max(n_recent, MAX_ROWS) :], MAX_ROWS)
         if np.unique(window[rows]).size < LEAST_WINDOWS:
             return None
     if groups.n_pulses[rows].sum() < LEAST_PULSES:

@@ -21,6 +21,7 @@ from dirmusic.locating.association import (
     compare_groups,
     likelihoods,
     pooled,
+    possible_origin,
     window_shares,
 )
 from dirmusic.locating.existence import (
@@ -32,11 +33,18 @@ from dirmusic.locating.existence import (
     rate_evidence,
 )
 from dirmusic.locating.finding import Finding, State, reaches95
-from dirmusic.locating.initiation import OF_MULTIPATH, OF_UNEXPLAINED, find_crossing
+from dirmusic.locating.initiation import (
+    APART_M,
+    CANDIDATE_APART_M,
+    INITIATION_S,
+    OF_MULTIPATH,
+    OF_UNEXPLAINED,
+    find_crossing,
+)
 from dirmusic.locating.joint_fit import ErrorLevels, JointEstimate, JointFit, array_prior, nominal_array
 from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
-from dirmusic.locating.pulse_pool import PulsePool, Visibility
+from dirmusic.locating.pulse_pool import PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.track import NEVER_FITTED, Evidence, Track
 from dirmusic.locating.two_sources import ONE_SOURCE, compare_with_two
@@ -108,12 +116,14 @@ class Detections(NamedTuple):
 
     Attributes:
         detected: Number of detections.
+        possible: Number of detections if the other candidates did not exist.
         expected: Expected number of detections; 0 where the source may be hidden or too weak.
         strongest_db: Level of the strongest pulse at the array, dB relative to 1 V; minus infinity without one.
         range_m: Distance of the array.
     """
 
     detected: FloatArray
+    possible: FloatArray
     expected: FloatArray
     strongest_db: FloatArray
     range_m: FloatArray
@@ -161,6 +171,7 @@ class Locator:
         self._compared_state, self._compared_levels = self._array_state, self._levels
         self._tracks: list[Track] = []
         self._association = Association(np.empty((0, 0)), np.empty((0, 0)), np.empty((1, 0)))
+        self._likelihood: tuple[FloatArray, FloatArray, FloatArray] = np.empty((0, 0)), np.empty((0, 0)), np.empty(0)
         self._window: IntArray = np.empty(0, dtype=np.intp)
         self._is_tried: BoolArray = np.empty(0, dtype=np.bool_)
         self._n_unexplained = np.zeros(2)  # pulses that no source explains, and those that multipath explains
@@ -230,10 +241,10 @@ class Locator:
             row[: known.size] = known[: row.size]
         compared, levels = [self._compare(track) for track in tracks], [track.level for track in tracks]
         is_confirmed = np.array([track.state == "confirmed" for track in tracks])
-        likelihood = likelihoods(groups, compared, levels, is_confirmed)
+        self._likelihood = likelihoods(groups, compared, levels, is_confirmed)
         for _ in range(2):
             share = window_shares(probability, groups.n_pulses, self._window)
-            self._association = associate(likelihood, share)
+            self._association = associate(self._likelihood, share)
             probability = self._association.direct + self._association.multipath
         for track, direct, multipath in zip(tracks, self._association.direct, self._association.multipath, strict=True):
             track.direct, track.multipath = direct, multipath
@@ -283,8 +294,9 @@ class Locator:
         is_unexplained = of_any < UNEXPLAINED_PROBABILITY
         is_multipath = ~is_unexplained & (direct < UNEXPLAINED_PROBABILITY)
         n_unexplained = np.stack((is_unexplained, is_multipath)) @ groups.n_pulses
-        least_new = np.maximum(LEAST_NEW, LEAST_NEW_SHARE * self._n_unexplained)
-        has_changed = np.abs(n_unexplained - self._n_unexplained) >= least_new
+        recent = groups.time_s > time_s - INITIATION_S
+        n_recent = np.stack((is_unexplained & recent, is_multipath & recent)) @ groups.n_pulses
+        has_changed = np.abs(n_unexplained - self._n_unexplained) >= np.maximum(LEAST_NEW, LEAST_NEW_SHARE * n_recent)
         if not has_changed.any():
             return
         self._n_unexplained = np.where(has_changed, n_unexplained, self._n_unexplained)
@@ -294,7 +306,8 @@ class Locator:
             if track.state == "confirmed":
                 is_weaker = groups.level_db < track.level.limit_db(track.compared.range_m)
                 may_be_multipath |= is_weaker & (share > ACTIVE_SHARE)
-        known = may_be_multipath, self._window, time_s, occupied_m
+        apart_m = np.array([APART_M if t.state == "confirmed" else CANDIDATE_APART_M for t in self._tracks])
+        known = may_be_multipath, self._window, time_s, occupied_m, apart_m
         crossing = find_crossing(groups, is_unexplained, *known, OF_UNEXPLAINED) if has_changed[0] else None
         if crossing is None and has_changed[1]:
             crossing = find_crossing(groups, is_multipath, *known, OF_MULTIPATH)
@@ -320,6 +333,7 @@ class Locator:
             position_m=crossing.position_m,
             covariance_m2=crossing.covariance_m2,
             uncertainty=uncertainty,
+            initiated_s=time_s,
             first_s=float(groups.time_s[crossing.rows[0]]),
             last_s=float(groups.time_s[crossing.rows[-1]]),
             direct=np.zeros(groups.time_s.size),
@@ -429,17 +443,24 @@ class Locator:
         track.level = Level(mean_db, float(np.clip(spread_db, *SPREAD_DB)))
 
     def _merge(self) -> None:
-        """Merge tracks at one place; the confirmed one, or else the first, is kept."""
+        """Merge tracks at one place; the confirmed one, or else the first, is kept. Twins far apart become separate."""
+        places_m = {track.id: track.position_m[:2] for track in self._tracks}
+        for track in self._tracks:
+            if track.twin and np.linalg.norm(track.position_m[:2] - places_m[track.twin]) >= APART_M:
+                track.twin = 0
         kept: list[Track] = []
         for track in sorted(self._tracks, key=lambda t: (t.state != "confirmed", t.id)):
-            least_m = {track.twin: TWINS_APART_M}
-            is_apart = [
-                np.linalg.norm((track.position_m - other.position_m)[:2]) >= least_m.get(other.id, self.rules.merge_m)
-                for other in kept
-            ]
-            if all(is_apart):
+            off_m = [np.linalg.norm((track.position_m - other.position_m)[:2]) for other in kept]
+            if all(m >= self._least_distance(track, other) for m, other in zip(off_m, kept, strict=True)):
                 kept.append(track)
         self._keep(kept)
+
+    def _least_distance(self, track: Track, kept: Track) -> float:
+        """Return the distance within which a track is merged with another one that is kept."""
+        if track.twin == kept.id:
+            return TWINS_APART_M
+        is_later = kept.confirmed_s is not None and kept.confirmed_s < track.initiated_s
+        return APART_M if is_later and track.state == "candidate" else self.rules.merge_m
 
     def _split(self) -> None:
         """Compare likely tracks with two sources, and split those that certainly are two."""
@@ -527,12 +548,15 @@ class Locator:
             return
         ratios = np.array([log_ratios(track.compared, track.level, groups.n_pulses) for track in tracks])
         by_pulses = pulse_evidence(ratios, self._association, self._window)
-        observed = {track.id: self._observe(track) for track in tracks}
+        is_confirmed = np.array([track.state == "confirmed" for track in tracks])
+        possible = possible_origin(self._likelihood, self._association, is_confirmed)
+        observed = {track.id: self._observe(track, own) for track, own in zip(tracks, possible, strict=True)}
         own_odds, by_tries = dict[int, float](), float(np.log(self._n_initiated))  # look-elsewhere effect
         for track, pulses in zip(tracks, by_pulses.tolist(), strict=True):
             own = observed[track.id]
-            visible = own.detected * (own.expected > 0.0)
-            rate = rate_evidence(*(np.bincount(window, n).astype(np.float64) for n in (own.expected, visible)))
+            is_visible = own.expected > 0.0
+            counts = own.expected, own.detected * is_visible, own.possible * is_visible
+            rate = rate_evidence(*(np.bincount(window, n).astype(np.float64) for n in counts))
             rate *= not track.twin
             own_odds[track.id] = pulses + rate + level_evidence(track.level) - OCCAM - by_tries
             track.evidence = Evidence(pulses, rate)
@@ -549,8 +573,8 @@ class Locator:
             track.log_odds = float(-np.logaddexp(-own_odds[track.id], -least))
             self._describe(track, time_s)
 
-    def _observe(self, track: Track) -> Detections:
-        """Count the detections of a track, and those that were to be expected."""
+    def _observe(self, track: Track, is_possible: FloatArray) -> Detections:
+        """Count the detections of a track, those that are possible, and those that were to be expected."""
         groups, pool = self._pool.groups, self._pool
         transmission = self._transmission(track)[:, pool.listened].min(axis=0)
         range_m = np.maximum(np.linalg.norm(pool.places_m[pool.listened] - track.position_m, axis=-1), 0.3)
@@ -561,13 +585,14 @@ class Locator:
         second = np.clip(np.searchsorted(pool.listened_s, groups.time_s, side="right") - 1, 0, None)
         detected = np.zeros(pool.listened_s.size)
         np.add.at(detected, second, track.direct * groups.n_pulses)
+        possible = np.bincount(second, is_possible * groups.n_pulses, pool.listened_s.size).astype(np.float64)
         window = pool.window_of(pool.listened_s)
         n_detected, n_seconds = np.bincount(window, detected * is_visible), np.bincount(window, is_visible)
         is_active = n_detected > 0.5
         rate = float(np.median(n_detected[is_active] / n_seconds[is_active])) if is_active.any() else 0.0
         strongest_db = np.full(pool.listened_s.size, -np.inf)
         np.maximum.at(strongest_db, second, np.where(track.direct > 0.5, groups.level_db, -np.inf))
-        return Detections(detected, np.where(is_visible, rate, 0.0), strongest_db, range_m)
+        return Detections(detected, possible, np.where(is_visible, rate, 0.0), strongest_db, range_m)
 
     def _describe(self, track: Track, time_s: float) -> None:
         """Update number, times and aperture of the pulses of a track, and its state."""
@@ -603,14 +628,3 @@ def weighted_median(values: FloatArray, weight: FloatArray) -> float:
     total = np.cumsum(weight[order])
     middle = int(np.count_nonzero(total < 0.5 * total[-1]))
     return float(values[order[min(middle, values.size - 1)]])
-
-
-def choose_evenly(numbers: IntArray, most: int) -> IntArray:
-    """Choose at most `most` of the given numbers (n,), evenly spread (van der Corput sequence, 1935)."""
-    if numbers.size <= most:
-        return numbers
-    n_bits = int(numbers.max()).bit_length()
-    reversed_bits = np.zeros(1, dtype=np.intp)
-    for _ in range(n_bits):
-        reversed_bits = np.concatenate([2 * reversed_bits, 2 * reversed_bits + 1])
-    return numbers[np.sort(np.argpartition(reversed_bits[numbers], most)[:most])]

@@ -275,3 +275,14 @@ class Visibility:
         targets = np.tile(position_m, (4, 1))
         targets[:, 2] = np.maximum(targets[:, 2] + height_std_m * np.array([-1.0, 0.0, 1.0, 2.0]), 0.1)
         return np.array([self.transmission(target_m, 0.6) for target_m in targets])
+
+
+def choose_evenly(numbers: IntArray, most: int) -> IntArray:
+    """Choose at most `most` of the given numbers (n,), evenly spread (van der Corput sequence, 1935)."""
+    if numbers.size <= most:
+        return numbers
+    n_bits = int(numbers.max()).bit_length()
+    reversed_bits = np.zeros(1, dtype=np.intp)
+    for _ in range(n_bits):
+        reversed_bits = np.concatenate([2 * reversed_bits, 2 * reversed_bits + 1])
+    return numbers[np.sort(np.argpartition(reversed_bits[numbers], most)[:most])]

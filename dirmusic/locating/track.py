@@ -46,6 +46,7 @@ class Track:
         position_m: Position, world frame, shape (3,).
         covariance_m2: Covariance of the position, shape (3, 3).
         uncertainty: Covariance of the position and of the states of the array.
+        initiated_s: Time of its initiation.
         first_s: Time of its first pulse.
         last_s: Time of its last pulse.
         direct: Probability that each group of pulses came from it on the direct path, shape (n,).
@@ -70,6 +71,7 @@ class Track:
     position_m: FloatArray
     covariance_m2: FloatArray
     uncertainty: FloatArray
+    initiated_s: float
     first_s: float
     last_s: float
     direct: FloatArray

@@ -18,7 +18,7 @@ from dirmusic.angles import azimuth_of, unit_vector, wrap
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, nearest_search_azimuth
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.bearing_fit import START_RANGES_M
-from dirmusic.locating.locator import choose_evenly
+from dirmusic.locating.pulse_pool import choose_evenly
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.field.survey import HEADINGS, Heading, SurveyOptions
 

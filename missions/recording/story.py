@@ -71,10 +71,11 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
 def _place_text(log: MissionLog, position_m: np.ndarray, size_m: float) -> str:
     """Return the piece of equipment near a position if it is known well enough; else x and y."""
     sites = log.meta.get("sites", {})
-    distances_m = {name: float(np.hypot(*(position_m[:2] - place_m[:2]))) for name, place_m in sites.items()}
-    nearest = min(distances_m, key=lambda name: distances_m[name], default=None)
-    if nearest is None or max(size_m, distances_m[nearest]) > NEAR_M:
+    places_m = np.array(list(sites.values())).reshape(-1, 3)
+    off_m = np.linalg.norm(places_m[:, :2] - position_m[:2], axis=-1)
+    if max(size_m, off_m.min(initial=np.inf)) > NEAR_M:
         return f"around ({position_m[0]:.0f}, {position_m[1]:.0f}) m"
+    nearest = list(sites)[int(off_m.argmin())]
     return f"near {nearest.partition('/')[0]}"
 
 

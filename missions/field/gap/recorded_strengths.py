@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dirmusic.arrays import FloatArray, IntArray
-from dirmusic.locating.locator import choose_evenly
+from dirmusic.locating.pulse_pool import choose_evenly
 from pdpatrol.sensing import ReceiverConfig
 from pdpatrol.sensing.receiver.receiver import Receiver
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from dirmusic import Finding
 from dirmusic.arrays import FloatArray, IntArray
-from dirmusic.locating.locator import choose_evenly
+from dirmusic.locating.pulse_pool import choose_evenly
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.scenario import position_error
 from pdpatrol.missions.field.field_data import FieldData

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.association import Association, Level, associate, compare_groups, likelihoods, window_shares
+from dirmusic.locating.association import (
+    Association,
+    Level,
+    associate,
+    compare_groups,
+    likelihoods,
+    possible_origin,
+    window_shares,
+)
 from dirmusic.locating.joint_fit import array_prior, nominal_array
 from dirmusic.locating.measurement import Noise
 from dirmusic.locating.pulse_pool import Groups
@@ -90,3 +98,15 @@ def test_shares_of_a_window_follow_its_pulses() -> None:
     np.testing.assert_allclose(share[:, :2].T, [[0.75, 0.25, 0.0]] * 2, atol=0.01)
     np.testing.assert_allclose(share[:, 2:].T, [[0.5, 0.0, 0.5]] * 2, atol=0.01)
     assert share.min() > 0.0
+
+
+def test_possible_origin_ignores_other_candidates_but_not_confirmed_sources() -> None:
+    """Of two candidates at one place, each may have all pulses; next to a confirmed source, a candidate has its own."""
+    n, likely = 3, (np.ones((2, 3)), np.zeros((2, 3)), np.full(3, 1e-9))
+    half = associate(likely, np.tile([[0.45], [0.45], [0.1]], (1, n)))
+    assert possible_origin(likely, half, np.array([False, False])) == pytest.approx(np.ones((2, n)), abs=1e-6)
+    beside = possible_origin(likely, half, np.array([True, False]))
+    assert beside[0] == pytest.approx(np.ones(n), abs=1e-6)
+    assert beside[1] == pytest.approx(half.direct[1])
+    taken = associate(likely, np.tile([[0.9], [1e-6], [0.1]], (1, n)))  # by the first candidate
+    assert possible_origin(likely, taken, np.array([False, False]))[1] == pytest.approx(np.ones(n), abs=1e-4)

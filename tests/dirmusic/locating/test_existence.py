@@ -63,11 +63,24 @@ def test_other_sources_do_not_add_to_the_evidence(strong: float) -> None:
 def test_rate_counts_where_a_source_is_visible() -> None:
     """Other numbers than expected lower the odds where detections were expected, up to the share of being off."""
     silent, expected = np.zeros(4), np.full(4, 20.0)
-    assert rate_evidence(np.zeros(4), silent) == 0.0
-    assert rate_evidence(expected, silent) == pytest.approx(4 * np.log(0.1), rel=0.01)
-    assert rate_evidence(expected[:2], silent[:2]) == pytest.approx(0.5 * rate_evidence(expected, silent))
-    assert rate_evidence(expected, expected) > 0.0 > rate_evidence(expected, 8.0 * expected)
-    assert abs(rate_evidence(np.full(4, 1.0), silent)) < 1.0  # a slow source is often silent for a window
+
+    def odds(expected: FloatArray, detected: FloatArray) -> float:
+        return rate_evidence(expected, detected, detected)
+
+    assert odds(np.zeros(4), silent) == 0.0
+    assert odds(expected, silent) == pytest.approx(4 * np.log(0.1), rel=0.01)
+    assert odds(expected[:2], silent[:2]) == pytest.approx(0.5 * odds(expected, silent))
+    assert odds(expected, expected) > 0.0 > odds(expected, 8.0 * expected)
+    assert abs(odds(np.full(4, 1.0), silent)) < 1.0  # a slow source is often silent for a window
+
+
+def test_source_is_not_silent_where_candidates_have_its_pulses() -> None:
+    """Pulses that may be of a source do not refute it, do not support it, and never change what it has itself."""
+    silent, expected = np.zeros(4), np.full(4, 20.0)
+    assert rate_evidence(expected, silent, expected) == pytest.approx(0.0, abs=1e-12)
+    assert rate_evidence(expected, silent, 0.1 * expected) > rate_evidence(expected, silent, silent)
+    assert rate_evidence(expected, silent, 0.1 * expected) < 0.0
+    assert rate_evidence(expected, expected, 5.0 * expected) == rate_evidence(expected, expected, expected)
 
 
 def image(senior: float, expected: float, *, is_too_strong: bool = False, n_windows: int = 5) -> float:

@@ -1,9 +1,17 @@
 """Initiation of tracks where lines of sight of unexplained pulses cross."""
 
 import numpy as np
+import pytest
 
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.initiation import LEAST_PULSES, LEAST_WINDOWS, OF_UNEXPLAINED, Crossing, find_crossing
+from dirmusic.locating.initiation import (
+    CANDIDATE_APART_M,
+    LEAST_PULSES,
+    LEAST_WINDOWS,
+    OF_UNEXPLAINED,
+    Crossing,
+    find_crossing,
+)
 from tests.dirmusic.locating.forward_model import groups_from
 from tests.dirmusic.scenes import around
 
@@ -28,8 +36,9 @@ def search(
     groups = groups_from(pose, azimuth, 1.0, -10.0, step_s * np.arange(n))
     window = np.floor(groups.time_s / 5.0).astype(np.intp)
     is_free = np.ones(n, dtype=np.bool_)
+    apart_m = np.full(len(occupied_m), CANDIDATE_APART_M)
     return find_crossing(
-        groups, is_free, is_free & may_be_multipath, window, groups.time_s[-1], occupied_m, OF_UNEXPLAINED
+        groups, is_free, is_free & may_be_multipath, window, groups.time_s[-1], occupied_m, apart_m, OF_UNEXPLAINED
     )
 
 
@@ -61,6 +70,19 @@ def test_multipath_of_a_known_source_initiates_only_where_it_crosses() -> None:
     assert search(path_m, targets_m, 7.0, may_be_multipath=True) is not None
 
 
+@pytest.mark.parametrize("rate_hz", [0.2, 2.0, 50.0])
+def test_source_initiates_at_any_rate_among_pulses_in_random_directions(rate_hz: float) -> None:
+    """In a minute, half of the pulses are of one source, and all may be multipath of known ones."""
+    n = max(round(60.0 * rate_hz), 2 * LEAST_PULSES)
+    for seed in range(5):
+        path_m, is_own = around(SOURCE_M, 8.0, 0.0, 90.0, n), np.arange(n)[:, np.newaxis] % 2 == 0
+        random_m = path_m + np.random.default_rng(seed).normal(size=path_m.shape)
+        targets_m = np.where(is_own, SOURCE_M, random_m)
+        crossing = search(path_m, targets_m, 1.0 / rate_hz, seed=seed, may_be_multipath=True)
+        assert crossing is not None
+        assert np.linalg.norm(crossing.position_m[:2] - SOURCE_M) < 1.0
+
+
 def test_lines_of_sight_in_random_directions_initiate_nothing() -> None:
     """Of many lines of sight in random directions, some cross."""
     n_initiated = 0
@@ -83,4 +105,4 @@ def test_occupied_positions_are_skipped() -> None:
     assert np.linalg.norm(second.position_m[:2] - OTHER_M) < 1.0
     both = np.array([first.position_m, second.position_m])
     third = search(path_m, targets_m, 7.0, both)
-    assert third is None or np.linalg.norm(both - third.position_m, axis=-1).min() >= 0.3
+    assert third is None or np.linalg.norm(both - third.position_m, axis=-1).min() >= CANDIDATE_APART_M
