@@ -70,7 +70,7 @@ def _view(log: MissionLog, yard: Yard, finding: FindingRecord) -> View:
     for azimuth_rad in azimuths_rad:
         cos = np.cos(ELEVATION_RAD)
         along = np.array([cos * np.cos(azimuth_rad), cos * np.sin(azimuth_rad), np.sin(ELEVATION_RAD)])
-        if yard.solids.distance(place_m + way_m * along).min() > 0.1:
+        if yard.solids.distance(place_m + way_m * along).min(initial=np.inf) > 0.1:
             break
     else:
         azimuth_rad = towards_rad

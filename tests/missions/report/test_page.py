@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,6 +33,14 @@ def mission() -> MissionLog:
 def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
     report = make_report(log, 1.0, inspect_sites(log))
     return report, PageReader(report_page(log, report))
+
+
+def test_finding_in_a_yard_without_equipment_has_its_picture() -> None:
+    """The open yard of the learning example has no pieces that could hide a finding or be near it."""
+    yard = Path(__file__).parents[3] / "examples" / "learning" / "open_yard.toml"
+    report, page = report_and_page(run_mission(load_scenario(yard), "seek", seed=5))
+    assert [finding.asset for finding in report.findings] == [None]
+    assert [attributes["alt"] for tag, attributes in page.elements if tag == "img" and "inding" in attributes["alt"]]
 
 
 def hostile_log() -> MissionLog:
