@@ -192,7 +192,6 @@ class UprightSolid(NamedTuple):
         half_x: Half of the first side; 0 for a cylinder.
         half_y: Half of the second side; 0 for a cylinder.
         radius_m: Radius of a cylinder; 0 for a box.
-        reach_m: Distance of the farthest point of the footprint from its centre.
         bottom_m: Height of the bottom above ground.
         top_m: Height of the top above ground.
     """
@@ -204,23 +203,36 @@ class UprightSolid(NamedTuple):
     half_x: float
     half_y: float
     radius_m: float
-    reach_m: float
     bottom_m: float
     top_m: float
 
 
 @compiled_inner
-def meets_circle(path: Segment, x: float, y: float, radius_m: float) -> bool:
-    """Return whether a segment, in plan view, meets the square around a circle that has a side along the segment."""
-    x, y = x - path.start.x, y - path.start.y
-    ahead_m = x * path.ahead_x + y * path.ahead_y
-    return abs(y * path.ahead_x - x * path.ahead_y) <= radius_m and -radius_m < ahead_m < path.horizontal_m + radius_m
+def rises_to(path: Segment, bottom_m: float, top_m: float) -> bool:
+    """Return whether a segment reaches any height between two."""
+    return min(path.start.z, path.end.z) <= top_m and max(path.start.z, path.end.z) >= bottom_m
+
+
+@compiled_inner
+def half_size(solid: UprightSolid, ahead_x: float, ahead_y: float) -> tuple[float, float]:
+    """Return half the extent of a solid's footprint along and across the horizontal unit vector (ahead_x, ahead_y)."""
+    cos = abs(solid.cos * ahead_x + solid.sin * ahead_y)
+    sin = abs(solid.cos * ahead_y - solid.sin * ahead_x)
+    half_x, half_y, radius_m = solid.half_x, solid.half_y, solid.radius_m
+    return cos * half_x + sin * half_y + radius_m, sin * half_x + cos * half_y + radius_m
 
 
 @compiled_inner
 def is_near(path: Segment, solid: UprightSolid, margin_m: float) -> bool:
-    """Return whether, in plan view, the circle around a solid's footprint comes within a margin of a segment."""
-    return meets_circle(path, solid.x, solid.y, solid.reach_m + margin_m)
+    """Return whether the box around a solid with sides along a segment, larger by a margin, may meet the segment."""
+    x, y = solid.x - path.start.x, solid.y - path.start.y
+    half_ahead_m, half_across_m = half_size(solid, path.ahead_x, path.ahead_y)
+    if abs(y * path.ahead_x - x * path.ahead_y) > half_across_m + margin_m:
+        return False
+    ahead_m, half_ahead_m = x * path.ahead_x + y * path.ahead_y, half_ahead_m + margin_m
+    if not -half_ahead_m < ahead_m < path.horizontal_m + half_ahead_m:
+        return False
+    return rises_to(path, solid.bottom_m - margin_m, solid.top_m + margin_m)
 
 
 @compiled_inner
@@ -283,8 +295,8 @@ def crosses(path: Segment, solid: UprightSolid) -> bool:
 @compiled_inner
 def facing_box(path: Segment, solid: UprightSolid) -> UprightSolid:
     """Return the box whose edges diffract waves along a segment; for a cylinder, an inner box that faces the path."""
-    x, y, _, _, _, _, radius_m, reach_m, bottom_m, top_m = solid
+    x, y, _, _, _, _, radius_m, bottom_m, top_m = solid
     if radius_m == 0.0:
         return solid
     half_x, half_y = math.sqrt(1.0 - FACING_WIDTH * FACING_WIDTH) * radius_m, FACING_WIDTH * radius_m
-    return UprightSolid(x, y, path.ahead_x, path.ahead_y, half_x, half_y, 0.0, reach_m, bottom_m, top_m)
+    return UprightSolid(x, y, path.ahead_x, path.ahead_y, half_x, half_y, 0.0, bottom_m, top_m)

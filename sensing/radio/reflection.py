@@ -195,27 +195,24 @@ def cylinder_normal(x: float, y: float, radius_m: float, source: Vector, target:
     """Find the surface normal at which an upright cylinder at (x, y) reflects a ray from a source to a target.
 
     The normal lies between the directions to source and target, where the tangential components of both rays cancel.
-    Fourteen bisections give it to a ten-thousandth of the angle between these directions, and the length of the ray
+    Fifteen bisections give it to a ten-thousandth of the angle between these directions, and the length of the ray
     much more accurately.
     """
-    azimuth = math.atan2(source.y - y, source.x - x)
-    to_x, to_y, cos, sin = target.x - x, target.y - y, math.cos(azimuth), math.sin(azimuth)
-    turn = math.atan2(cos * to_y - sin * to_x, cos * to_x + sin * to_y)
-    near, far = 0.0, 1.0
-    for _ in range(14):
-        share = 0.5 * (near + far)
-        cos, sin = math.cos(azimuth + share * turn), math.sin(azimuth + share * turn)
-        at_x, at_y = x + radius_m * cos, y + radius_m * sin
+    near, far = towards(Vector(x, y, source.z), source), towards(Vector(x, y, target.z), target)
+    turn, normal = near.x * far.y - near.y * far.x, near
+    for _ in range(15):
+        between_x, between_y = near.x + far.x, near.y + far.y
+        length = max(hypot(between_x, between_y), TINY)
+        normal = Vector(between_x / length, between_y / length, 0.0)
         tangential = 0.0
         for end in (source, target):
-            dx, dy = end.x - at_x, end.y - at_y
-            tangential += (cos * dy - sin * dx) / hypot(dx, dy)
+            dx, dy = end.x - x - radius_m * normal.x, end.y - y - radius_m * normal.y
+            tangential += (normal.x * dy - normal.y * dx) / hypot(dx, dy)
         if tangential * turn > 0.0:
-            near = share
+            near = normal
         else:
-            far = share
-    azimuth += 0.5 * (near + far) * turn
-    return Vector(math.cos(azimuth), math.sin(azimuth), 0.0)
+            far = normal
+    return normal
 
 
 @compiled_inner

@@ -1,6 +1,5 @@
 """Surroundings of sources and robots: reflecting faces, obstacles, and their materials."""
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
@@ -9,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.compiled import compiled, compiled_inner
-from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, dot, minus, vector_of
+from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, dot, half_size, minus, vector_of
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material
 
 GROUND = -1
@@ -48,15 +47,15 @@ PIECE = np.dtype(
     (
         np.record,
         [
-            *((name, np.float64) for name in ("x", "y", "reach_m", "parameter")),
+            *((name, np.float64) for name in ("x", "y", "half_x", "half_y", "bottom_m", "top_m", "parameter")),
             ("first", np.intp),
             ("end", np.intp),
         ],
     )
 )
-"""Row of a piece of equipment: circle around its solids in plan view, its first solid and that after its last one, and
-room for the largest `shadow_parameter` of its solids. Most pieces are far from a ray, and then none of their solids
-needs to be examined."""
+"""Row of a piece of equipment: box around its solids with sides along the world axes, its first solid and that after
+its last one, and room for the largest `shadow_parameter` of its solids. Most pieces are far from a ray, and then none
+of their solids needs to be examined."""
 
 Rows = NDArray[Any]
 Row = Any
@@ -87,7 +86,6 @@ def upright_solids(
     rows["x"], rows["y"] = centre_m.T
     rows["cos"], rows["sin"] = np.cos(yaw_rad), np.sin(yaw_rad)
     rows["half_x"], rows["half_y"] = half_size_m.T
-    rows["reach_m"] = np.maximum(np.hypot(rows["half_x"], rows["half_y"]), radius_m)
     rows["radius_m"], rows["bottom_m"], rows["top_m"], rows["owner"] = radius_m, bottom_m, top_m, owner
     return rows
 
@@ -165,35 +163,31 @@ class Surroundings(NamedTuple):
 
 
 @compiled
+def solid_of(obstacle: Row) -> UprightSolid:
+    """Return the shape of an obstacle."""
+    o = obstacle
+    return UprightSolid(o.x, o.y, o.cos, o.sin, o.half_x, o.half_y, o.radius_m, o.bottom_m, o.top_m)
+
+
+@compiled
 def pieces_of(obstacles: Rows) -> Rows:
     """Return the pieces of equipment to which obstacles belong, rows of `PIECE`."""
     pieces, n, first = np.empty(obstacles.size, PIECE), 0, 0
     while first < obstacles.size:
-        end, low_x, low_y, high_x, high_y = first, np.inf, np.inf, -np.inf, -np.inf
+        low_x, low_y, bottom_m = np.inf, np.inf, np.inf
+        high_x, high_y, top_m, end = -np.inf, -np.inf, -np.inf, first
         while end < obstacles.size and obstacles[end].owner == obstacles[first].owner:
-            low_x, high_x = min(low_x, obstacles[end].x), max(high_x, obstacles[end].x)
-            low_y, high_y = min(low_y, obstacles[end].y), max(high_y, obstacles[end].y)
-            end += 1
+            solid = solid_of(obstacles[end])
+            half_x, half_y = half_size(solid, 1.0, 0.0)
+            low_x, high_x = min(low_x, solid.x - half_x), max(high_x, solid.x + half_x)
+            low_y, high_y = min(low_y, solid.y - half_y), max(high_y, solid.y + half_y)
+            bottom_m, top_m, end = min(bottom_m, solid.bottom_m), max(top_m, solid.top_m), end + 1
         piece = pieces[n]
-        piece.x, piece.y, piece.reach_m, piece.first, piece.end = (
-            0.5 * (low_x + high_x),
-            0.5 * (low_y + high_y),
-            0.0,
-            first,
-            end,
-        )
-        for k in range(first, end):
-            off_m = math.sqrt((obstacles[k].x - piece.x) ** 2 + (obstacles[k].y - piece.y) ** 2)
-            piece.reach_m = max(piece.reach_m, off_m + obstacles[k].reach_m + 1e-9)
+        piece.x, piece.half_x = 0.5 * (low_x + high_x), 0.5 * (high_x - low_x)
+        piece.y, piece.half_y = 0.5 * (low_y + high_y), 0.5 * (high_y - low_y)
+        piece.bottom_m, piece.top_m, piece.first, piece.end = bottom_m, top_m, first, end
         first, n = end, n + 1
     return pieces[:n]
-
-
-@compiled
-def solid_of(obstacle: Row) -> UprightSolid:
-    """Return the shape of an obstacle."""
-    o = obstacle
-    return UprightSolid(o.x, o.y, o.cos, o.sin, o.half_x, o.half_y, o.radius_m, o.reach_m, o.bottom_m, o.top_m)
 
 
 @compiled_inner

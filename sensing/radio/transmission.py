@@ -22,11 +22,10 @@ from pdpatrol.sensing.radio.geometry import (
     distance,
     facing_box,
     footprint_interval,
-    hypot,
     is_near,
     length_inside,
-    meets_circle,
     point_between,
+    rises_to,
     segment,
     vector_of,
 )
@@ -58,7 +57,7 @@ class RadioLink(NamedTuple):
         target: Middle of the array.
         ground: Material of the ground.
         obstacles: All obstacles.
-        pieces: Circles around the pieces of equipment to which they belong, rows of `PIECE`.
+        pieces: Pieces of equipment to which they belong, rows of `PIECE`.
         shadows: Effects of the obstacles on the direct path, rows of `SHADOW`.
         paths: Paths found so far, and room for more; rows of `ray_paths.PATH`.
     """
@@ -174,9 +173,20 @@ def transmission_through(path: Segment, obstacle: Row) -> float:
 
 
 @compiled_inner
-def is_near_piece(path: Segment, piece: Row) -> bool:
-    """Return whether a segment comes so near to a piece of equipment that one of its solids may attenuate the wave."""
-    return meets_circle(path, piece.x, piece.y, piece.reach_m + path.clearance_m)
+def is_near_piece(path: Segment, piece: Row, margin_m: float) -> bool:
+    """Return whether the box around a piece of equipment, larger by a margin on all sides, may meet a segment.
+
+    In plan view, the directions along and across the segment and along the world axes are tested for a gap.
+    """
+    half_x, half_y, (start, end) = piece.half_x + margin_m, piece.half_y + margin_m, (path.start, path.end)
+    if min(start.x, end.x) > piece.x + half_x or max(start.x, end.x) < piece.x - half_x:
+        return False
+    if min(start.y, end.y) > piece.y + half_y or max(start.y, end.y) < piece.y - half_y:
+        return False
+    x, y = piece.x - start.x, piece.y - start.y
+    if abs(y * path.ahead_x - x * path.ahead_y) > half_x * abs(path.ahead_y) + half_y * abs(path.ahead_x):
+        return False
+    return rises_to(path, piece.bottom_m - margin_m, piece.top_m + margin_m)
 
 
 @compiled_inner
@@ -185,7 +195,7 @@ def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: 
     total, whole = 1.0, segment(start, end)
     for p in range(pieces.size):
         piece, of_piece = pieces[p], 1.0
-        if not is_near_piece(whole, piece):
+        if not is_near_piece(whole, piece, whole.clearance_m):
             continue
         for k in range(piece.first, piece.end):
             path, obstacle = whole, obstacles[k]
@@ -206,7 +216,7 @@ def ground_transmission(down: Segment, up: Segment, obstacles: Rows, pieces: Row
     total = 1.0
     for p in range(pieces.size):
         piece, of_piece = pieces[p], 1.0
-        if not (is_near_piece(down, piece) or is_near_piece(up, piece)):
+        if not (is_near_piece(down, piece, down.clearance_m) or is_near_piece(up, piece, up.clearance_m)):
             continue
         for k in range(piece.first, piece.end):
             before, behind = transmission_through(down, obstacles[k]), transmission_through(up, obstacles[k])
@@ -230,7 +240,7 @@ def segment_transmission(path: Segment, link: RadioLink, skipped: int, least: fl
     obstacles, pieces, total = link.obstacles, link.pieces, 1.0
     for p in range(pieces.size):
         piece, of_piece = pieces[p], 1.0
-        if not is_near_piece(path, piece):
+        if not is_near_piece(path, piece, path.clearance_m):
             continue
         for k in range(piece.first, piece.end):
             if k != skipped:
@@ -248,7 +258,7 @@ def cast_shadows(link: RadioLink) -> None:
     near_m = 2.4 * direct.clearance_m  # beyond, the parameter is below CLEAR - 1
     for p in range(pieces.size):
         piece = pieces[p]
-        is_near, piece.parameter = meets_circle(direct, piece.x, piece.y, piece.reach_m + near_m), -np.inf
+        is_near, piece.parameter = is_near_piece(direct, piece, near_m), -np.inf
         for k in range(piece.first, piece.end):
             obstacle, shadow = link.obstacles[k], link.shadows[k]
             shadow.parameter, shadow.transmission = -np.inf, 1.0
@@ -293,13 +303,16 @@ def bent_transmission(first: Segment, last: Segment, link: RadioLink, own: int, 
     of_own = shadows[own].parameter if own >= 0 else -np.inf
     for p in range(pieces.size):
         piece, of_piece = pieces[p], 1.0
-        is_blocked = blocking_weight(of_own, piece.parameter) > 0.0
-        if not (is_blocked or is_near_piece(first, piece) or is_near_piece(last, piece)):
+        meets_first = is_near_piece(first, piece, first.clearance_m)
+        meets_last = is_near_piece(last, piece, last.clearance_m)
+        if not (meets_first or meets_last or blocking_weight(of_own, piece.parameter) > 0.0):
             continue
         for k in range(piece.first, piece.end):
             if k == own:
                 continue
-            past = transmission_past(first, obstacles[k]) * transmission_past(last, obstacles[k])
+            past = transmission_past(first, obstacles[k]) if meets_first else 1.0
+            if meets_last:
+                past *= transmission_past(last, obstacles[k])
             blocked = blocking_weight(of_own, shadows[k].parameter)
             if blocked > 0.0:
                 past += blocked * (shadows[k].transmission - past)
@@ -345,7 +358,8 @@ def direct_transmissions(places_m: FloatArray, target_m: FloatArray, within_m: f
         longest_m = max(longest_m, distance(vector_of(places_m[i]), target))
     n_near, margin_m = 0, longest_m + CLEARANCE * math.sqrt(WAVELENGTH_M * longest_m)
     for p in range(pieces.size):
-        if hypot(pieces[p].x - target.x, pieces[p].y - target.y) <= pieces[p].reach_m + margin_m:
+        off_x, off_y = abs(pieces[p].x - target.x), abs(pieces[p].y - target.y)
+        if off_x <= pieces[p].half_x + margin_m and off_y <= pieces[p].half_y + margin_m:
             pieces[n_near] = pieces[p]
             n_near += 1
     for i in range(len(places_m)):
