@@ -35,7 +35,6 @@ MAX_ATTEMPTS = 5
 INITIAL_RANGE_M, LEAST_RANGE_M = 10.0, 0.5
 """Largest initial range of a source of which only the direction is known, and least range of a crossing (assumed)."""
 
-
 APART_M, CANDIDATE_APART_M = 2.0, 0.3
 """Least horizontal distance of a new track from confirmed ones and from candidates (assumed). Closer to a confirmed
 one, reflections cause crossings, and `compare_with_two` finds second sources."""
@@ -59,44 +58,56 @@ class Crossing(NamedTuple):
     covariance_m2: FloatArray
 
 
-def find_crossing(
-    groups: Groups,
-    is_unexplained: BoolArray,
-    may_be_multipath: BoolArray,
-    window: IntArray,
-    time_s: float,
-    occupied_m: FloatArray,
-    apart_m: FloatArray,
-    significant: float,
-) -> Crossing | None:
-    """Find a position that explains groups which no direct path explains.
+class Search(NamedTuple):
+    """Groups that may initiate a track.
 
-    Args:
-        groups: All groups so far.
+    Attributes:
         is_unexplained: True for groups that may initiate a track, shape (n,).
         may_be_multipath: True for those that need to cross, because they may be multipath of a known source.
         window: Number of the window of each group, shape (n,).
         time_s: Time of the latest pose.
-        occupied_m: Positions of tracks, shape (n_tracks, 3).
-        apart_m: Least horizontal distances of the crossing from these, shape (n_tracks,).
-        significant: Least log likelihood ratio against chance.
+        significant: Least log likelihood ratio of a crossing against chance.
     """
-    free = np.flatnonzero(is_unexplained & (groups.std_rad < LARGEST_STD_RAD))
+
+    is_unexplained: BoolArray
+    may_be_multipath: BoolArray
+    window: IntArray
+    time_s: float
+    significant: float
+
+
+class Occupied(NamedTuple):
+    """Positions of tracks.
+
+    Attributes:
+        positions_m: Positions, world frame, shape (n_tracks, 3).
+        apart_m: Least horizontal distance of a new track from each, shape (n_tracks,).
+    """
+
+    positions_m: FloatArray
+    apart_m: FloatArray
+
+    def holds(self, position_m: FloatArray) -> bool:
+        """Return whether a position (3,) is too close to a track."""
+        off_m = np.linalg.norm((self.positions_m - position_m)[:, :2], axis=-1)
+        return bool((off_m < self.apart_m).any())
+
+
+def find_crossing(groups: Groups, search: Search, occupied: Occupied) -> Crossing | None:
+    """Find a position that explains groups which no direct path explains; None without one."""
+    free = np.flatnonzero(search.is_unexplained & (groups.std_rad < LARGEST_STD_RAD))
     for _ in range(MAX_ATTEMPTS):
-        crossing = _crossing(groups, free, may_be_multipath, window, time_s, significant)
-        if crossing is None:
-            return None
-        if (np.linalg.norm(occupied_m[:, :2] - crossing.position_m[:2], axis=-1) >= apart_m).all():
+        crossing = _crossing(groups, free, search)
+        if crossing is None or not occupied.holds(crossing.position_m):
             return crossing
         free = np.setdiff1d(free, crossing.rows)
     return None
 
 
-def _crossing(
-    groups: Groups, rows: IntArray, may_be_multipath: BoolArray, window: IntArray, time_s: float, significant: float
-) -> Crossing | None:
+def _crossing(groups: Groups, rows: IntArray, search: Search) -> Crossing | None:
     """Find where most of the lines of sight of some groups cross."""
-    recent = rows[(groups.time_s[rows] > time_s - RECENT_S) & ~may_be_multipath[rows]]
+    window, time_s = search.window, search.time_s
+    recent = rows[(groups.time_s[rows] > time_s - RECENT_S) & ~search.may_be_multipath[rows]]
     bearing = groups.azimuth_rad[recent] + groups.pose[recent, 2]
     is_near = np.abs(difference(bearing[:, np.newaxis], bearing)) < SECTOR_RAD
     in_sector = is_near @ groups.n_pulses[recent]
@@ -117,7 +128,7 @@ def _crossing(
         std_rad = np.hypot(groups.std_rad[rows], EXTRA_STD_RAD)
         crossed = triangulate(groups.pose[rows, :2], bearing, std_rad)
         own = rows[crossed.is_inlier]
-        is_chance = not is_sector and significance(window[rows], std_rad, crossed.is_inlier) < significant
+        is_chance = not is_sector and significance(window[rows], std_rad, crossed.is_inlier) < search.significant
         if groups.n_pulses[own].sum() < LEAST_PULSES or is_chance:
             return None
         last_m = groups.pose[own[-1], :2]

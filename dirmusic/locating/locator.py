@@ -39,6 +39,8 @@ from dirmusic.locating.initiation import (
     INITIATION_S,
     OF_MULTIPATH,
     OF_UNEXPLAINED,
+    Occupied,
+    Search,
     find_crossing,
 )
 from dirmusic.locating.joint_fit import ErrorLevels, JointEstimate, JointFit, array_prior, nominal_array
@@ -46,7 +48,7 @@ from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pool import PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import NEVER_FITTED, Evidence, Track
+from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
 from dirmusic.locating.two_sources import ONE_SOURCE, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
@@ -75,9 +77,6 @@ ACTIVE_SHARE = 0.1
 LEAST_UNTRIED = 0.5
 """Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
 has twice as many pulses, or when a newly confirmed source explains others."""
-
-TWINS_APART_M = 0.2
-"""Distance within which two tracks are merged that have been split (assumed)."""
 
 LEAST_TESTED, MOST_TESTED, TESTED_GROWTH = 10, 500, 1.5
 """Least and largest number of groups of a track that are compared with two sources, and growth after which they are
@@ -224,7 +223,7 @@ class Locator:
         if any(self._has_changed(track) for track in self._tracks):
             self._maximise(rounds)
             self._expect()
-        self._merge()
+        self._keep(merge(self._tracks, self.rules.merge_m))
         self._judge(time_s)
         self._split()
         self._delete()
@@ -300,17 +299,20 @@ class Locator:
         if not has_changed.any():
             return
         self._n_unexplained = np.where(has_changed, n_unexplained, self._n_unexplained)
-        occupied_m = np.array([track.position_m for track in self._tracks]).reshape(-1, N_PLACE)
         may_be_multipath = is_multipath.copy()
         for track, share in zip(self._tracks, self._association.share, strict=False):
             if track.state == "confirmed":
                 is_weaker = groups.level_db < track.level.limit_db(track.compared.range_m)
                 may_be_multipath |= is_weaker & (share > ACTIVE_SHARE)
-        apart_m = np.array([APART_M if t.state == "confirmed" else CANDIDATE_APART_M for t in self._tracks])
-        known = may_be_multipath, self._window, time_s, occupied_m, apart_m
-        crossing = find_crossing(groups, is_unexplained, *known, OF_UNEXPLAINED) if has_changed[0] else None
+        occupied = Occupied(
+            np.array([track.position_m for track in self._tracks]).reshape(-1, N_PLACE),
+            np.array([APART_M if track.state == "confirmed" else CANDIDATE_APART_M for track in self._tracks]),
+        )
+        search = Search(is_unexplained, may_be_multipath, self._window, time_s, OF_UNEXPLAINED)
+        crossing = find_crossing(groups, search, occupied) if has_changed[0] else None
         if crossing is None and has_changed[1]:
-            crossing = find_crossing(groups, is_multipath, *known, OF_MULTIPATH)
+            search = search._replace(is_unexplained=is_multipath, significant=OF_MULTIPATH)
+            crossing = find_crossing(groups, search, occupied)
         candidates = [track for track in self._tracks if track.state == "candidate"]
         stale = [
             track for track in candidates if track.last_s < time_s - STALE_S or track.evidence.pulses < LEAST_EVIDENCE
@@ -441,26 +443,6 @@ class Locator:
         mean_db = weighted_median(level_db, weight)
         spread_db = 1.4826 * weighted_median(np.abs(level_db - mean_db), weight)
         track.level = Level(mean_db, float(np.clip(spread_db, *SPREAD_DB)))
-
-    def _merge(self) -> None:
-        """Merge tracks at one place; the confirmed one, or else the first, is kept. Twins far apart become separate."""
-        places_m = {track.id: track.position_m[:2] for track in self._tracks}
-        for track in self._tracks:
-            if track.twin and np.linalg.norm(track.position_m[:2] - places_m[track.twin]) >= APART_M:
-                track.twin = 0
-        kept: list[Track] = []
-        for track in sorted(self._tracks, key=lambda t: (t.state != "confirmed", t.id)):
-            off_m = [np.linalg.norm((track.position_m - other.position_m)[:2]) for other in kept]
-            if all(m >= self._least_distance(track, other) for m, other in zip(off_m, kept, strict=True)):
-                kept.append(track)
-        self._keep(kept)
-
-    def _least_distance(self, track: Track, kept: Track) -> float:
-        """Return the distance within which a track is merged with another one that is kept."""
-        if track.twin == kept.id:
-            return TWINS_APART_M
-        is_later = kept.confirmed_s is not None and kept.confirmed_s < track.initiated_s
-        return APART_M if is_later and track.state == "candidate" else self.rules.merge_m
 
     def _split(self) -> None:
         """Compare likely tracks with two sources, and split those that certainly are two."""

@@ -12,12 +12,16 @@ from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import NO_COMPARISON, Comparison, Level
 from dirmusic.locating.existence import OCCAM
 from dirmusic.locating.finding import Finding, State, ellipse95
+from dirmusic.locating.initiation import APART_M
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources
 
 MOVED, GROWN = 0.1, 1.25
 """Squared Mahalanobis distance, and factor of the semi-major axis, by which a track may change before all pulses are
 compared with it anew. Assumed; halving both changes no finding."""
+
+TWINS_APART_M = 0.2
+"""Distance within which two tracks are merged that have been split (assumed)."""
 
 
 class Evidence(NamedTuple):
@@ -131,3 +135,33 @@ class Track:
             nearest_m=self.nearest_m,
             level_db=self.level.mean_db,
         )
+
+
+def merge(tracks: list[Track], merge_m: float) -> list[Track]:
+    """Merge tracks of one place: return those to keep, of which a confirmed one, or else the first, stands for all.
+
+    Twins that are `APART_M` or more apart become separate tracks. A candidate that was initiated after a track had been
+    confirmed is merged with it within that distance, because reflections cause such candidates.
+
+    Args:
+        tracks: All tracks; `twin` is changed.
+        merge_m: Horizontal distance within which other tracks are merged.
+    """
+    places_m = {track.id: track.position_m[:2] for track in tracks}
+    for track in tracks:
+        if track.twin and np.linalg.norm(track.position_m[:2] - places_m[track.twin]) >= APART_M:
+            track.twin = 0
+    kept: list[Track] = []
+    for track in sorted(tracks, key=lambda t: (t.state != "confirmed", t.id)):
+        off_m = [np.linalg.norm((track.position_m - other.position_m)[:2]) for other in kept]
+        if all(m >= _least_distance(track, other, merge_m) for m, other in zip(off_m, kept, strict=True)):
+            kept.append(track)
+    return kept
+
+
+def _least_distance(track: Track, kept: Track, merge_m: float) -> float:
+    """Return the distance within which a track is merged with another one that is kept."""
+    if track.twin == kept.id:
+        return TWINS_APART_M
+    is_later = kept.confirmed_s is not None and kept.confirmed_s < track.initiated_s
+    return APART_M if is_later and track.state == "candidate" else merge_m
