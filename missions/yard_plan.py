@@ -113,4 +113,5 @@ def draw_waypoints(axes: Axes, route: Mapping[str, Any], size_pt: float = 6.0) -
 def draw_legend(axes: Axes) -> None:
     """Explain each label once, below the axes."""
     handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    axes.figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
+    style: Any = {"loc": "outside lower center", "ncols": 3, "fontsize": 7.5, "frameon": False, "borderpad": 1.0}
+    axes.figure.legend(handles.values(), handles, **style)

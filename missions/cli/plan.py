@@ -48,7 +48,7 @@ def plan(
             loaded, amplitude_v, lambda part, share: progress.update(bar, description=part, completed=share)
         )
         with atomic_file(folder / "plan.png") as picture:
-            draw_plan(made, picture)
+            draw_plan(made).savefig(picture, dpi=110, format="png")
         data = as_json(made)
         write_text(folder / "plan.json", json.dumps(data, indent=2) + "\n")
         write_text(folder / "route.toml", as_toml(made))

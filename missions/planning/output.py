@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -134,11 +134,14 @@ def as_toml(plan: Plan) -> str:
     return tomlkit.dumps({"route": {**route, "waypoints_m": plan.stops_m.tolist(), "dwell_s": plan.dwell_s}})
 
 
-def draw_plan(plan: Plan, path: Path) -> None:
-    """Draw the number of sites detectable from each place, the tour, and undetectable sites, to a PNG file."""
+def draw_plan(plan: Plan) -> Figure:
+    """Draw the number of sites detectable from each place, the tour, and undetectable sites."""
     size_m, where = np.array(plan.site_map.yard.size_m), plan.detectability
     scale = min(0.27, MOST_INCHES / size_m.max())
-    figure = Figure(figsize=(scale * size_m[0] + 2.7, scale * size_m[1] + 2.4), layout="constrained")  # inches
+    width_in, title = scale * size_m[0] + 2.7, f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}"
+    lines = textwrap.wrap(title, int(11.0 * width_in))
+    height_in = scale * size_m[1] + 2.2 + 0.17 * len(lines)
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor("#f2f2f2")
     n_sites = np.full(plan.site_map.is_free.shape, np.nan)
@@ -162,6 +165,6 @@ def draw_plan(plan: Plan, path: Path) -> None:
     equipment = {name.partition("/")[0]: position_m for name, position_m in zip(plan.blind, blind_m, strict=True)}
     for name, position_m in equipment.items():
         labels_of(axes).add(name, (position_m, position_m), SIDES, margin_pt=6.0, fontsize=8, color=BLIND_COLOUR)
-    axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
+    figure.suptitle("\n".join(lines), fontsize=10)
     draw_legend(axes)
-    figure.savefig(path, dpi=110, format="png")
+    return figure

@@ -71,7 +71,7 @@ class Plan:
     @property
     def gap(self) -> float:
         """Relative optimality gap: largest fraction by which the tour is longer than the shortest past its stops."""
-        return self.tour.length_m / self.bound_m - 1.0 if self.tour.length_m > 0.0 else 0.0
+        return max(self.tour.length_m / self.bound_m - 1.0, 0.0) if self.tour.length_m > 0.0 else 0.0
 
     @property
     def blind(self) -> tuple[str, ...]:

@@ -16,7 +16,8 @@ from tests.processes import pdpatrol
 pytestmark = pytest.mark.whole
 
 
-def test_plan_writes_table_picture_json_and_route(tmp_path: Path) -> None:
+def test_plan_writes_table_picture_json_and_route(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")  # names of sites on one line
     done = pdpatrol("plan", "one_source", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     folder, plan = tmp_path / "runs" / "plan-one_source", plan_of("one_source")
