@@ -71,9 +71,14 @@ def test_pages_load_nothing_from_the_network(site: Path) -> None:
     assert [file for file in site.rglob("*.css") if "url(http" in file.read_text(encoding="utf-8")] == []
 
 
+UNRENDERED = re.compile(r"\.\. math::|:math:|\$\$|\$\\|-?8 *< *--")
+"""Signs of formulas and of included files."""
+
+
 def test_formulas_and_included_files_are_rendered(site: Path) -> None:
-    assert "<math" in (site / "explanation" / "algorithm.html").read_text(encoding="utf-8")
-    left = [str(file) for file in pages(site) if re.search(r"\.\. math::|:math:|-?8 *< *--", page(file).text)]
+    for name in ("algorithm", "locating"):
+        assert "<math" in (site / "explanation" / f"{name}.html").read_text(encoding="utf-8")
+    left = [str(file) for file in pages(site) if UNRENDERED.search(page(file).text)]
     assert left == []
     drawn = [formula for file in pages(site) for formula in re.findall(r"<math.*?</math>", file.read_text("utf-8"))]
     assert len(drawn) > 20
