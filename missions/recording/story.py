@@ -54,9 +54,7 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
     doing = phase_text(Phase(step["phase"][-1], step["phase_target"][-1]))
     table = findings_at(part.log, part.end, "candidate", "confirmed", "outside")
     lines = [f"### The robot {doing}", ""]
-    if table["id"].size:
-        lines += ["| | where | within | exists |", "|---|---|---|---|"]
-    else:
+    if not table["id"].size:
         lines += ["Nothing has been detected at a definite place yet."]
     for row in range(table["id"].size)[-8:]:
         state, number, position_m = table["state"][row], table["id"][row], table["position_m"][row]
@@ -64,7 +62,8 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
         size = f"{size_m:.2f} m" if size_m < 100.0 else "> 100 m"
         exists = percent(table["existence"][row]) + ", possibly two" * bool(table["possibly_two"][row])
         place = "beyond the fence" if state == "outside" else _place_text(part.log, position_m, size_m)
-        lines.append(f"| **{name_of(state, number)}** | {place} | {size} | {exists} |")
+        # not a table, whose columns overlap in the frame after one of them becomes wider
+        lines.append(f"- **{name_of(state, number)}** {place}, within {size}, exists {exists}")
     _draw_text(stream, "mission/status", lines)
 
 

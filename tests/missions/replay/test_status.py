@@ -32,10 +32,10 @@ def test_story_states_phase_and_current_findings(tmp_path: Path) -> None:
         add_finding(log, step, 4, "confirmed", (10.0, 15.0, 1.5))
     texts = {step: text for step, (text,) in recorded(log, tmp_path)["mission/status"]["text"].items()}
     assert "### The robot approaches candidate 3" in texts[4]
-    assert "| **candidate 3** | near " in texts[4]
-    assert " | 2.36 m | 90 %, possibly two |" in texts[4]
+    assert "- **candidate 3** near " in texts[4]
+    assert ", within 2.36 m, exists 90 %, possibly two" in texts[4]
     assert "candidate 3" not in texts[19]
-    assert "| **finding 4** |" in texts[19]
+    assert "- **finding 4** near " in texts[19]
 
 
 def test_closing_card_states_what_where_which_kind_and_by_when(tmp_path: Path) -> None:
