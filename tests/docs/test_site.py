@@ -85,6 +85,12 @@ def test_formulas_and_included_files_are_rendered(site: Path) -> None:
     assert [formula for formula in drawn if "\\" in formula] == []
 
 
+def test_description_of_a_result_is_one_text(site: Path) -> None:
+    """mkdocstrings would make a row of a table of each line, as of several results."""
+    text = " ".join(page(site / "reference" / "contracts.html").text.split())
+    assert "The standard deviation must be positive and include noise and the error of the method" in text
+
+
 def test_public_names_of_dirmusic_are_documented(site: Path) -> None:
     ids = page(site / "reference" / "dirmusic.html").ids
     assert [name for name in dirmusic.__all__ if f"dirmusic.{name}" not in ids] == []
