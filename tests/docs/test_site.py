@@ -86,7 +86,7 @@ def test_formulas_and_included_files_are_rendered(site: Path) -> None:
 
 
 def test_description_of_a_result_is_one_text(site: Path) -> None:
-    """mkdocstrings would make a row of a table of each line, as of several results."""
+    """By default, each line of a description would be a row of a table, as if there were several results."""
     text = " ".join(page(site / "reference" / "contracts.html").text.split())
     assert "The standard deviation must be positive and include noise and the error of the method" in text
 
