@@ -63,7 +63,7 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
         exists = percent(table["existence"][row]) + ", possibly two" * bool(table["possibly_two"][row])
         place = "beyond the fence" if state == "outside" else _place_text(part.log, position_m, size_m)
         # not a table, whose columns overlap in the frame after one of them becomes wider
-        lines.append(f"- **{name_of(state, number)}** {place}, within {size}, exists {exists}")
+        lines.append(f"- **{name_of(state, number)}** {place}, within {size}, existence {exists}")
     _draw_text(stream, "mission/status", lines)
 
 
