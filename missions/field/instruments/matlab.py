@@ -41,18 +41,22 @@ def read_hdf5(path: Path, *, is_matlab: bool) -> WaveformRecord:
     """
     import h5py  # in the extra `instruments`
 
-    arrays = dict[str, NDArray[Any]]()
+    arrays, repeated = dict[str, NDArray[Any]](), list[str]()
 
-    def add(name: str, item: object) -> None:
+    def add(path: str, item: object) -> None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf":
-            array = np.asarray(item)
-            arrays[name.rpartition("/")[2]] = array.T if is_matlab else array
+            array, name = np.asarray(item), path.rpartition("/")[2]
+            if name in arrays:
+                repeated.append(name)
+            arrays[name] = array.T if is_matlab else array
 
     try:
         with h5py.File(path) as file:
             file.visititems(add)
     except Exception as error:  # damaged bytes raise errors of many types
         raise ValueError(f"must be an HDF5 file ({' '.join(str(error).split()):.100})") from None
+    if repeated:
+        raise ValueError(f"must have one dataset of each name, in all groups together; got several {repeated[0]}")
     return record_of_arrays(arrays)
 
 

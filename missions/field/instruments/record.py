@@ -54,6 +54,10 @@ class WaveformRecord(NamedTuple):
                 "waveforms must be numbers of shape (n_channels, n_samples) or (n_pulses, n_channels, n_samples), got "
                 f"{samples.dtype} of shape {samples.shape}"
             )
+        if samples.shape[-2] > samples.shape[-1]:
+            raise ValueError(
+                f"waveforms must have more samples than channels, got shape {samples.shape}: transpose them"
+            )
         samples, scale = samples.reshape(-1, *samples.shape[-2:]), np.asarray(volts_per_count, dtype=np.float64)
         n_channels = samples.shape[1]
         if scale.shape not in ((), (n_channels,)):

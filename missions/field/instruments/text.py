@@ -39,6 +39,10 @@ INTERVAL_KEYS = {"sampleinterval", "increment", "xincrement", "xinc", "hresoluti
 RATE_KEYS = {"samplerate", "samplingrate", "samplefrequency", "samplerates"}
 """Keys of the sampling rate."""
 
+LEAST_ROWS = 3
+"""Number of rows of numbers above the block of numbers from which on they belong to it, and a line between is damaged.
+Assumed; headers have one or two."""
+
 HOW_TO = "write a header such as time_s,channel_1,channel_2 and rows of as many numbers"
 
 
@@ -80,11 +84,23 @@ def read_text(path: Path) -> WaveformRecord:
         )
     except ValueError as error:
         raise ValueError(f"must have rows of {len(layout.columns)} numbers ({' '.join(str(error).split())})") from None
-    numbers = frame.to_numpy(np.float64).T
+    numbers = _within_range(frame.to_numpy(np.float64)).T
     if np.isnan(numbers).any():
         row = int(np.isnan(numbers).any(axis=0).argmax())
         raise ValueError(f"line {layout.first + row + 1} must have {len(layout.columns)} numbers; {HOW_TO}")
     return _record(path, numbers, layout, lines)
+
+
+def _within_range(rows: FloatArray) -> FloatArray:
+    """Replace infinite samples, which PicoScope writes beyond the range of its ADC, by the ends of this range.
+
+    The largest finite sample of a channel is that end, or just below it.
+    """
+    is_infinite = np.isinf(rows)
+    if is_infinite.any():
+        low, high = np.where(is_infinite, np.inf, rows), np.where(is_infinite, -np.inf, rows)
+        rows = np.clip(rows, np.fmin.reduce(low), np.fmax.reduce(high))
+    return rows
 
 
 def _text(path: Path) -> str:
@@ -100,7 +116,7 @@ def _text(path: Path) -> str:
     if b"\0" in data:
         raise ValueError("must be a file of an oscilloscope of a known kind, or text; is neither")
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig").replace("∞", "inf")
     except UnicodeDecodeError:
         return data.decode("cp1252", errors="replace")
 
@@ -133,6 +149,10 @@ def _layout(lines: list[str]) -> _Layout:
         at, text = len(lines), last.strip()[:40]
         raise ValueError(f"line {at} must be a row of numbers as the lines before it, got {text!r}; {HOW_TO}")
     header = [_cells(line, separator) for line in lines[:first] if line.strip(" ,;\t")]
+    rows = [cells for cells in header if all(_number(cell, decimal) is not None for cell in cells if cell)]
+    if len(rows) >= LEAST_ROWS:
+        at = max(k for k in range(first) if lines[k].strip(" ,;\t\r"))
+        raise ValueError(f"line {at + 1} must have {len(columns)} numbers, got {lines[at].strip()[:40]!r}; {HOW_TO}")
     return _Layout(separator, decimal, first, columns, header)
 
 
@@ -240,7 +260,8 @@ def _names(layout: _Layout) -> list[str]:
 def _units(layout: _Layout) -> list[str]:
     """Return the unit of each column in lower case, empty if it is not stated.
 
-    It stands in brackets behind a name, in a line of units above the columns, or behind a key such as `Vertical Units`.
+    It stands in brackets or after `_` behind a name, in a line of units above the columns, or behind a key such as
+    `Vertical Units`.
     """
     units = [""] * len(layout.columns)
     for cells in layout.header:
@@ -254,11 +275,11 @@ def _units(layout: _Layout) -> list[str]:
         else:
             is_line = any(above) and all(_is_unit(cell) for cell in above if cell)
             for k, cell in enumerate(above):
-                bracketed = re.search(r"[\(\[]([^()\[\]]*)[\)\]]$", cell)
+                behind = re.search(r"[\(\[_]([^()\[\]_]*)[\)\]]?$", cell)
                 if is_line and cell:
                     units[k] = cell.strip("()[] ").lower()
-                elif bracketed and _is_unit(bracketed[1]):
-                    units[k] = bracketed[1].strip().lower()
+                elif behind and _is_unit(behind[1]):
+                    units[k] = behind[1].strip().lower()
     return units
 
 

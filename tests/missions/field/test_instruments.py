@@ -75,14 +75,48 @@ def test_numbers_of_rohde_schwarz_need_their_header_file(tmp_path: Path) -> None
         (b"Time,CH1,CH2\n0,1,2\n1e-9,2,3\n2e-9,3\n", "line 4 must have 3 numbers as the line before it, got '2e-9,3'"),
         (b"Time (s),CH1 (dBm)\n0,1\n1e-9,2\n2e-9,3\n", "channel 1 must be in volts, got dbm"),
         (b"Time,CH1\n0,1\n1e-9,2\n5e-9,3\n", "the column of times must rise in even steps"),
+        (b"0,1\n1,2\n2,3\n3,OVER\n4,5\n5,6\n6,7\n", "line 4 must have 2 numbers, got '3,OVER'"),
     ],
-    ids=range(11),
+    ids=range(12),
 )
 def test_other_or_damaged_file_is_one_error(tmp_path: Path, content: bytes, message: str) -> None:
     (tmp_path / "w").write_bytes(content)
     with pytest.raises(ValueError, match=message) as refused:
         read_record(tmp_path / "w")
     assert "\n" not in str(refused.value)
+
+
+def test_units_after_names_are_read(tmp_path: Path) -> None:
+    volts = noise(2, 100)
+    rows = [f"{1e9 * k * STEP_S:.2f},{1e3 * a:.3f},{b:.6f}" for k, (a, b) in enumerate(volts.T)]
+    (tmp_path / "w.csv").write_text("\n".join(["time_ns,channel_1_mV,channel_2_V", *rows]))
+    record = read_record(tmp_path / "w.csv")
+    np.testing.assert_allclose(record.volts[0], volts, atol=1e-9)
+    assert record.sample_rate_hz == pytest.approx(1 / STEP_S)
+
+
+def test_infinite_samples_of_picoscope_are_rails(tmp_path: Path) -> None:
+    volts = noise(3, 300)
+    text = DIALECTS["picoscope"](np.where(np.abs(volts) > 1.5e-3, np.copysign(np.inf, volts), volts))
+    (tmp_path / "w.csv").write_text(text.replace("inf", "∞"), encoding="utf-8")
+    (read_v,) = read_record(tmp_path / "w.csv").volts
+    np.testing.assert_allclose(read_v, np.clip(volts, -1.5e-3, 1.5e-3), atol=5e-5)
+    assert all((channel == channel.max()).sum() > 10 for channel in read_v)
+
+
+def test_channels_in_columns_are_refused(tmp_path: Path) -> None:
+    with (tmp_path / "w").open("wb") as file:
+        np.savez(file, waveforms=noise(500, 3), sample_rate_hz=1 / STEP_S)
+    with pytest.raises(ValueError, match=r"more samples than channels, got shape \(500, 3\): transpose"):
+        read_record(tmp_path / "w")
+
+
+def test_hdf5_with_two_sets_of_waveforms_is_refused(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "w", "w") as file:
+        file["sample_rate_hz"], file["a/waveforms"], file["b/waveforms"] = 1 / STEP_S, noise(3, 500), noise(3, 500)
+    with pytest.raises(ValueError, match="one dataset of each name, in all groups together; got several waveforms"):
+        read_record(tmp_path / "w")
 
 
 def test_matlab_and_hdf5_are_read(tmp_path: Path) -> None:
