@@ -1,6 +1,7 @@
 """CSV tables of field data, read by pyarrow."""
 
 import warnings
+from csv import reader
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,7 @@ def read_table(path: Path) -> InputTable:
     """Read a CSV table with a header; cells are separated by commas, semicolons or tabs.
 
     With semicolons or tabs, numbers may have a decimal comma. Empty lines, lines that begin with `#` and the first line
-    `sep=;` that Excel writes are skipped.
+    `sep=;` that Excel writes are skipped, and so are separators at the end of all lines.
 
     Raises:
         InputFileError: If the file cannot be read, is not UTF-8 text, or contains a cell that is not a number.
@@ -64,9 +65,15 @@ def read_table(path: Path) -> InputTable:
         raise InputFileError([f"{path}: must have a header and at least one row"])
     numbers, (header, *rows) = zip(*lines, strict=True)
     delimiter = delimiter_of(header)
+    end = header[len(header.rstrip(delimiter)) :]
+    if end and all(row.endswith(end) for row in rows):
+        header, *rows = [line.removesuffix(end) for line in (header, *rows)]
     names = [name.strip(' "') for name in header.split(delimiter)]
-    if "" in names or len(set(names)) < len(names):
-        raise InputFileError([f"{path}: must have columns whose names are unique and not empty"])
+    if "" in names:
+        raise InputFileError([f"{path}: line {numbers[0]}: column {names.index('') + 1} must have a name"])
+    if len(set(names)) < len(names):
+        name = next(name for name in names if names.count(name) > 1)
+        raise InputFileError([f"{path}: line {numbers[0]}: columns must have different names, got {name:.60} twice"])
     has_decimal_comma = delimiter != "," and any("," in row for row in rows)
     if has_decimal_comma:
         warnings.warn(InputFileWarning(f"{path}: a comma in a number is read as the decimal sign"), stacklevel=2)
@@ -79,8 +86,31 @@ def read_table(path: Path) -> InputTable:
             csv.ConvertOptions(column_types=types, decimal_point="," if has_decimal_comma else "."),
         )
     except pa.ArrowInvalid as error:
-        raise InputFileError([f"{path}: {' '.join(str(error).split()):.300}"]) from None
+        text = _first_error(names, list(zip(numbers[1:], rows, strict=True)), delimiter, has_decimal_comma)
+        raise InputFileError([f"{path}: {text or ' '.join(str(error).split()):.300}"]) from None
     if table.num_rows != len(rows):
         raise InputFileError([f"{path}: a quoted cell must end on the line on which it begins"])
     columns = {name: table[name].to_numpy() for name in names}
     return InputTable(path=path, columns=columns, lines=np.array(numbers[1:]))
+
+
+def _first_error(names: list[str], lines: list[tuple[int, str]], delimiter: str, has_decimal_comma: bool) -> str | None:
+    """Return the number of the first line that has not one number in each column, and its error; None without one."""
+    empty = csv.ConvertOptions().null_values
+    for number, line in lines:
+        cells = next(reader([line], delimiter=delimiter))
+        if len(cells) != len(names):
+            return f"line {number}: must have {len(names)} cells as the header has, got {len(cells)}"
+        for name, cell in zip(names, cells, strict=True):
+            text = cell.replace(".", "?").replace(",", ".") if has_decimal_comma else cell
+            if not name.startswith("waveform") and cell not in empty and not _is_number(text):
+                return f"line {number}: {name} must be a number, got {cell.strip()[:40]!r}"
+    return None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -109,8 +109,8 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"{HEADER}\n0,0,0,0,1,2\n", "Expected 7 columns, got 6"),
-        (f"{HEADER}\n0,0,0,0,1,2,x\n", "invalid value 'x'"),
+        (f"{HEADER}\n0,0,0,0,1,2\n", "line 2: must have 7 cells as the header has, got 6"),
+        (f"{HEADER}\n0,0,0,0,1,2,x\n", "line 2: strength_3 must be a number, got 'x'"),
         (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3 must be a number from 0 to 1e.06, got nan"),
         (f"{HEADER}\n1e300,0,0,0,1,2,3\n", r"line 2: time_s must be a number from -5e.09 to 5e.09, got 1e\+300"),
         (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s must not decrease: 0 is followed by -1"),
@@ -118,8 +118,14 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
         (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "column phase is unknown"),
         (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "column std_2, std_3 is missing"),
         (f"{HEADER[:-11]}\n0,0,0,0,1,1\n", "must have 3 to 32 channels with a signal, got 2"),
-        (f"{HEADER},x_m\n0,0,0,0,1,2,3,4\n", "names are unique and not empty"),
-        (f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n', "CSV|quoted"),
+        (f"{HEADER},x_m\n0,0,0,0,1,2,3,4\n", "line 1: columns must have different names, got x_m twice"),
+        (f",{HEADER}\n0,0,0,0,0,1,2,3\n", "line 1: column 1 must have a name"),
+        (f"{HEADER}\ns,m,m,deg,V,V,V\n0,0,0,0,1,2,3\n", "line 2: time_s must be a number, got 's'"),
+        (f"{HEADER};\n0;0;0;0;1;2;3\n".replace(",", ";"), "line 1: column 8 must have a name"),
+        (
+            f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n',
+            "line 2: strength_3 must be|line 3: must have 7 cells as the header has, got 1",
+        ),
         (TEXT.encode("utf-16"), "must be UTF-8 text"),
         ("", "must have a header and at least one row"),
         (
@@ -127,7 +133,7 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
             "strengths must be in volts, not in decibels: most are negative, such as -12",
         ),
     ],
-    ids=range(14),
+    ids=range(17),
 )
 def test_wrong_table_is_refused_in_one_line(tmp_path: Path, text: str | bytes, message: str) -> None:
     (tmp_path / "t.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -143,6 +149,12 @@ def test_separators_and_decimal_commas_of_excel_are_read(tmp_path: Path, separat
     noted = pytest.warns(InputFileWarning, match="decimal sign") if separator == ";" else nullcontext()
     with noted:
         data = read_field_data(tmp_path / "t.csv")
+    np.testing.assert_array_equal(data.pulses.strengths_v, read_field_data(EXAMPLE).pulses.strengths_v)
+
+
+def test_separators_at_the_end_of_all_lines_are_skipped(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(TEXT.replace("\n", ",,\n") + ",,,,\n")
+    data = read_field_data(tmp_path / "t.csv")
     np.testing.assert_array_equal(data.pulses.strengths_v, read_field_data(EXAMPLE).pulses.strengths_v)
 
 
