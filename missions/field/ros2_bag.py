@@ -24,6 +24,10 @@ PULSE = "std_msgs/Header header\nfloat64[] strengths_v\nfloat64[] std_v\nfloat64
 LONGEST_S = 1.0
 """Longest time between two poses that are interpolated (assumed)."""
 
+QUATERNION_ERROR = 0.01
+"""Largest difference of the length of a quaternion from 1. Assumed; rounding to three digits causes 0.001, and one that
+was never set has length 0."""
+
 Message = Any
 """Message of ROS 2, whose type is known from the recording only."""
 
@@ -109,6 +113,8 @@ def _planar(message: Message) -> tuple[float, float, float]:
     while hasattr(message, "pose"):
         message = message.pose
     x, y, z, w = (float(getattr(message.orientation, name)) for name in "xyzw")
+    if not abs(np.linalg.norm([x, y, z, w]) - 1.0) < QUATERNION_ERROR:
+        raise ValueError(f"orientations must be unit quaternions (x, y, z, w), got {(x, y, z, w)}")
     yaw_rad = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     place_m = float(message.position.x), float(message.position.y)
     if not np.isfinite([*place_m, yaw_rad]).all() or max(map(abs, place_m)) > 1e5:
@@ -141,6 +147,11 @@ def _field_data(path: Path, poses: FloatArray, pulses: BagPulses) -> FieldData:
     is_at_pose = pose_s[after] == pulses.time_s
     is_between = (pose_s[before] <= pulses.time_s) & (pulses.time_s <= pose_s[after])
     has_pose = is_at_pose | (is_between & (pose_s[after] - pose_s[before] <= LONGEST_S))
+    if not has_pose.any():
+        spans = (f"{time_s[0]:.1f} to {time_s[-1]:.1f} s" for time_s in (pulses.time_s, pose_s))
+        raise InputFileError(
+            [f"{path}: pulses must have poses within {LONGEST_S:g} s, got pulses from {' and poses from '.join(spans)}"]
+        )
     time_s = pulses.time_s[has_pose]
     at_pulses = np.column_stack([time_s, *(np.interp(time_s, pose_s, values) for values in poses[:, 1:].T)])
     rows = np.vstack([poses, at_pulses])

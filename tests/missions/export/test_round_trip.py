@@ -32,8 +32,15 @@ def assert_same_findings(expected: MissionLog, data: FieldData) -> None:
         assert (other.state, other.n_bearings) == (one.state, one.n_bearings)
 
 
-def write_bag(folder: Path, pulse_type: str, storage: StoragePlugin) -> None:
-    """Write the example as rosbag2: odometry at each stop, and the strengths without a stamp."""
+def write_bag(
+    folder: Path,
+    pulse_type: str = "std_msgs/msg/Float64MultiArray",
+    storage: StoragePlugin = StoragePlugin.MCAP,
+    *,
+    quaternion_length: float = 1.0,
+    delay_ns: int = 0,
+) -> None:
+    """Write the example as rosbag2: odometry at each stop, and the strengths, later by a delay, without a stamp."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     types = store.types
     zero = np.zeros(36)
@@ -50,7 +57,8 @@ def write_bag(folder: Path, pulse_type: str, storage: StoragePlugin) -> None:
                 last_s, half_rad = time_s, 0.5 * np.radians(yaw_deg)
                 stamp = types["builtin_interfaces/msg/Time"](sec=time_ns // 10**9, nanosec=time_ns % 10**9)
                 header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="map")
-                turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(half_rad), w=np.cos(half_rad))
+                z, w = quaternion_length * np.sin(half_rad), quaternion_length * np.cos(half_rad)
+                turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w)
                 place = types["geometry_msgs/msg/Point"](x=x, y=y, z=0.0)
                 pose = types["geometry_msgs/msg/Pose"](position=place, orientation=turn)
                 twist = types["geometry_msgs/msg/Twist"](linear=rest, angular=rest)
@@ -63,7 +71,7 @@ def write_bag(folder: Path, pulse_type: str, storage: StoragePlugin) -> None:
                 writer.write(odom, time_ns, store.serialize_cdr(message, "nav_msgs/msg/Odometry"))
             layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
             volts = types[pulse_type](layout=layout, data=np.array(values[:6]))
-            writer.write(pulse, time_ns, store.serialize_cdr(volts, pulse_type))
+            writer.write(pulse, time_ns + delay_ns, store.serialize_cdr(volts, pulse_type))
 
 
 @pytest.mark.whole
@@ -92,6 +100,21 @@ def test_bags_of_standard_messages_are_read(tmp_path: Path, storage: StoragePlug
     off = data.pose[data.step] - np.column_stack([rows[:, 1:3], np.radians(rows[:, 3])])
     np.testing.assert_allclose(np.column_stack([off[:, :2], wrap(off[:, 2])]), 0.0, atol=1e-9)
     np.testing.assert_allclose(data.time_s[data.step], rows[:, 0] - rows[0, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("length", "delay_ns", "message"),
+    [
+        (0.0, 0, r"/odom: orientations must be unit quaternions \(x, y, z, w\), got \(0.0, 0.0, -?0.0, 0.0\)"),
+        (2.0, 0, "/odom: orientations must be unit quaternions"),
+        (1.0, 10**12, r"poses within 1 s, got pulses from 1000.0 to 1260.0 s and poses from 0.0 to 260.0 s"),
+    ],
+)
+def test_bag_without_usable_poses_is_refused(tmp_path: Path, length: float, delay_ns: int, message: str) -> None:
+    write_bag(tmp_path / "bag", quaternion_length=length, delay_ns=delay_ns)
+    options = SurveyOptions(pose_topic="/odom", pulse_topic="/strengths", noise_v=1e-3)
+    with pytest.raises(InputFileError, match=message):
+        read_bag(tmp_path / "bag", options)
 
 
 def test_unusable_recording_is_one_line(tmp_path: Path) -> None:
