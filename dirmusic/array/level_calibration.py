@@ -34,8 +34,9 @@ class LearnedPattern(NamedTuple):
 
     @property
     def spread_db(self) -> float:
-        """Root mean square of `std_db`."""
-        return float(np.sqrt(np.nanmean(np.square(self.std_db))))
+        """Root mean square of `std_db`; NaN for a single turn."""
+        known_db = self.std_db[np.isfinite(self.std_db)]
+        return float(np.sqrt(np.mean(np.square(known_db)))) if known_db.size else np.nan
 
 
 def learn_pattern(
@@ -53,7 +54,7 @@ def learn_pattern(
         passes: 2 where the antenna also sends the wave that the emitter returns: the pattern counts twice.
 
     Raises:
-        ValueError: If no step is measured in all turns.
+        ValueError: If no step is measured in all turns, or less than a quarter of the steps.
     """
     n_steps = round(2 * np.pi / step_rad)
     angle_rad = np.linspace(-np.pi, np.pi, n_steps, endpoint=False)
@@ -71,6 +72,8 @@ def learn_pattern(
     variance = np.where(np.isfinite(curves), np.square(curves - mean_db), 0.0).sum(axis=0)
     std_db = np.where(count > 1, np.sqrt(variance / np.maximum(count - 1, 1)), np.nan)
     measured = 2 * count >= len(turns)
+    if 4 * measured.sum() < n_steps:
+        raise ValueError(f"turns must have levels in a quarter of {n_steps} directions, got {measured.sum()}")
     filled_db: FloatArray = np.interp(angle_rad, angle_rad[measured], mean_db[measured], period=2 * np.pi)
     filled_db -= float(np.interp(0.0, angle_rad, filled_db))
     return LearnedPattern(angle_rad, filled_db / passes, std_db / passes, measured)

@@ -44,10 +44,16 @@ def calibrate(
     missing = int(np.sum(~learned.is_measured))
     say(
         f"{out_file}: {n_turns} turns, strongest at {np.degrees(learned.off_boresight_rad[strongest]):.0f} degrees, "
-        f"{np.ptp(learned.gain_db):.1f} dB above the weakest direction; turns differ by {learned.spread_db:.1f} dB"
+        f"{np.ptp(learned.gain_db):.1f} dB above the weakest direction; {_spread_text(learned)}"
     )
     if missing:
         say(f"{missing} of {learned.gain_db.size} directions have no levels and are interpolated", style="yellow")
+
+
+def _spread_text(learned: LearnedPattern) -> str:
+    if np.isnan(learned.spread_db):
+        return "how much turns differ is unknown, because there is only one"
+    return f"turns differ by {learned.spread_db:.1f} dB (rms)"
 
 
 def _text(learned: LearnedPattern, n_turns: int) -> str:
@@ -56,7 +62,7 @@ def _text(learned: LearnedPattern, n_turns: int) -> str:
     deviations = [f"#   {a:g}, {std:.2f}" for a, std in zip(angle_deg, learned.std_db, strict=True)]
     rows = [f"{a:g},{gain:.3f}" for a, gain in zip(angle_deg, learned.gain_db, strict=True)]
     head = [
-        f"# Learned from {n_turns} turns, which differ by {learned.spread_db:.2f} dB (rms).",
+        f"# Learned from {n_turns} turns: {_spread_text(learned)}.",
         "# Standard deviation of a turn about the mean, in dB, by angle in degrees:",
     ]
     return "\n".join([*head, *deviations, "angle_deg,gain_db", *rows, ""])

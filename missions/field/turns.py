@@ -28,7 +28,8 @@ def learn_from_turns(
         The pattern, and the number of turns, each channel counted for itself.
 
     Raises:
-        InputFileError: If the table is invalid, or the turns have no direction in common.
+        InputFileError: If the table is invalid, the emitter is at a turn, or the turns have no direction in common or
+            miss most directions.
     """
     table = read_table(path)
     names = [f"level_{k + 1}" for k in range(boresight_rad.size)]
@@ -45,6 +46,8 @@ def learn_from_turns(
     level_db = table.numbers(-300.0, 300.0, *names)
     table.check()
     towards_m = source_m - place_m
+    if (nearest_m := np.linalg.norm(towards_m, axis=1).min()) < SPOT_M:
+        raise InputFileError([f"{path}: must keep {SPOT_M:g} m from the emitter, got {nearest_m:.2f} m; --source-m?"])
     off_rad = np.arctan2(towards_m[:, 1], towards_m[:, 0]) - yaw_rad
     starts = [0]
     for row in range(1, len(place_m)):

@@ -37,3 +37,30 @@ def test_missing_level_column_is_named(tmp_path: Path) -> None:
     path = write_turns(tmp_path / "turns.csv", level_name="rssi")
     with pytest.raises(InputFileError, match="level_1 to level_2, one for each boresight, got x_m"):
         learn_from_turns(path, np.array([10.0, 0.0]), np.radians(BORESIGHTS_DEG), 1)
+
+
+def write_turn(path: Path, end_deg: int) -> Path:
+    """Write a turn of one channel at the origin."""
+    path.write_text("\n".join(["x_m,y_m,yaw_deg,level_1", *(f"0,0,{k},{-40 - k % 180}" for k in range(end_deg))]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("source_m", "end_deg", "message"),
+    [
+        ((0.1, 0.0), 360, r"must keep 0.5 m from the emitter, got 0.10 m; --source-m\?"),
+        ((10.0, 0.0), 7, "turns must have levels in a quarter of 36 directions, got 2"),  # radians in yaw_deg
+    ],
+)
+def test_turns_that_show_no_pattern_are_refused(
+    tmp_path: Path, source_m: tuple[float, float], end_deg: int, message: str
+) -> None:
+    path = write_turn(tmp_path / "turns.csv", end_deg)
+    with pytest.raises(InputFileError, match=message):
+        learn_from_turns(path, np.array(source_m), np.zeros(1), 1)
+
+
+def test_spread_of_a_single_turn_is_unknown(tmp_path: Path) -> None:
+    out = tmp_path / "pattern.csv"
+    calibrate(write_turn(tmp_path / "turns.csv", 360), source_m=(10.0, 0.0), out_file=out)
+    assert "# Learned from 1 turns: how much turns differ is unknown, because there is only one." in out.read_text()
