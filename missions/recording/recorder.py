@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import rerun as rr
@@ -43,7 +44,7 @@ class Recorder:
     def __init__(self, log: MissionLog) -> None:
         title, facts = title_text(log.meta), f"{json.dumps(log.meta, sort_keys=True)} {log.n_rows('step')}"
         self.stream = rr.RecordingStream(
-            f"pdpatrol {log.meta['name']}",
+            re.sub(r"[^A-Za-z0-9 _:-]", "-", f"pdpatrol {log.meta['name']}"),  # others make Rerun print a warning
             recording_id=f"{title} ({hashlib.sha256(facts.encode()).hexdigest()[:8]})",
             send_properties=False,
             batcher_config=rr.ChunkBatcherConfig.NEVER(),  # by time, the size of a file would depend on the machine

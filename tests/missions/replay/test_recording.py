@@ -137,6 +137,13 @@ def test_field_data_and_empty_logs_can_be_recorded(tmp_path: Path) -> None:
     assert "world/odometry" not in drawn
 
 
+def test_any_name_is_recorded_without_a_warning(capfd: pytest.CaptureFixture[str]) -> None:
+    log = empty_log()
+    log.meta["name"] = "Prüfung 1.2 (Nord)"
+    Recorder(log).stream.disconnect()
+    assert capfd.readouterr().err == ""
+
+
 def test_recording_of_a_killed_mission(tmp_path: Path, log: MissionLog) -> None:
     copy_of(log, "step", "pulse", "bearing", "finding").write_part(tmp_path)
     drawn = recorded(MissionLog.load(tmp_path), tmp_path)
