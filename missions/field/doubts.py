@@ -1,7 +1,8 @@
 """Doubts about units and conventions: usual mistakes in a table that would explain why its pulses do not fit.
 
 Many pulses of a sound survey point at one place. If they do not as the survey is given, but would without one of the
-usual mistakes, that mistake is likely. A doubt is a note; it never changes the data.
+usual mistakes, that mistake is likely. If they do, times and levels may still have another unit: directions are then
+the same, but findings count as unlikely. A doubt is a note; it never changes the data.
 """
 
 from __future__ import annotations
@@ -53,6 +54,10 @@ measure less than two volts."""
 
 MAX_SITE_DEG = 0.1
 """Size of a site in degrees, up to which its positions may be degrees: 11 km (assumed)."""
+
+MAX_SPEED = 30.0
+"""Largest mean speed between poses, m/s, at which times may be seconds. Assumed; times in hours make a walk 3600 times
+faster."""
 
 REFINED = (0.08, 0.03)
 """Steps of the grid around a place by which it is refined, relative to its range."""
@@ -162,7 +167,7 @@ def doubts(data: FieldData, manifold: GainManifold, survey: SurveyOptions) -> li
     )
     given_share = given.explained()
     if given_share > GIVEN_SHARE:
-        return []
+        return [*_of_times(data), *_of_large_strengths(given)]
     best = dict[str, tuple[float, Mistake]]()
     mistakes = [*_of_headings(given), *_of_places(given), *_of_values(given)]
     if data.channels.size == data.n_recorded:  # else the options would not match the channels
@@ -180,6 +185,27 @@ def doubts(data: FieldData, manifold: GainManifold, survey: SurveyOptions) -> li
         f"{100 * given_share:.0f} %; if so, {mistake.remedy}"
         for share, mistake in likely
     ]
+
+
+def _of_times(data: FieldData) -> Iterator[str]:
+    """Yield the doubt that the column time_s does not hold seconds."""
+    path_m = float(np.linalg.norm(np.diff(data.pose[:, :2], axis=0), axis=1).sum())
+    duration_s = float(data.time_s[-1] - data.time_s[0])
+    if path_m > MAX_SPEED * duration_s:
+        yield (
+            f"time_s may not hold seconds: the poses are {path_m:.3g} m apart along the path and {duration_s:.3g} s in "
+            "time; if so, convert it to seconds, because the errors of poses of about the same time count as one"
+        )
+
+
+def _of_large_strengths(given: Reading) -> Iterator[str]:
+    """Yield the doubt that strengths are multiples of a smaller unit, which changes their level only."""
+    median_v = float(np.median(given.strengths_v.max(axis=1)))
+    if median_v >= LEAST_DECIBELS:
+        yield (
+            f"strengths may be millivolts or microvolts: the median of the strongest channel is {median_v:.3g} V, and "
+            "receivers measure less than 2 V; if so, convert them and their deviations to volts"
+        )
 
 
 def _of_headings(given: Reading) -> Iterator[Mistake]:
@@ -206,8 +232,13 @@ def _of_places(given: Reading) -> Iterator[Mistake]:
         if 0.0 < size_m <= MAX_SITE_DEG and np.abs(latitude_deg).max() <= 85.0 and np.abs(longitude_deg).max() <= 180.0:
             ground = Proj(proj="aeqd", lat_0=latitude_deg[0], lon_0=longitude_deg[0], ellps="WGS84")
             place_m = np.stack(ground(longitude_deg, latitude_deg), axis=-1)
-            text = f"x_m and y_m may be {text} in degrees"
-            yield Mistake("degrees", text, "convert them to metres east and north", replace(given, place_m=place_m))
+            text, remedy = f"x_m and y_m may be {text} in degrees", "convert them to metres east and north"
+            yield Mistake("degrees", text, remedy, replace(given, place_m=place_m))
+            for name, convention in HEADINGS.items():
+                if name != given.heading:  # a receiver of satellites often has a compass
+                    meant = replace(given, place_m=place_m, heading=name)
+                    both = f"{text}, and yaw_deg {convention.text}"
+                    yield Mistake("degrees", both, f"{remedy}, and use --heading {name}", meant)
 
 
 def _of_values(given: Reading) -> Iterator[Mistake]:

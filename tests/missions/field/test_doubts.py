@@ -12,7 +12,7 @@ from pdpatrol.missions.field.doubts import doubts
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model
 from pdpatrol.missions.field.survey import Heading, SurveyOptions
-from tests.missions.field.drawn_surveys import MISTAKES, STRENGTHS, DrawnSurvey, draw_survey
+from tests.missions.field.drawn_surveys import DEVIATIONS, MISTAKES, STRENGTHS, DrawnSurvey, draw_survey
 from tests.missions.field.surveys import EXAMPLE, locate
 
 CAUSES = {
@@ -51,6 +51,28 @@ def test_sound_example_is_not_doubted(tmp_path: Path) -> None:
 def test_mistake_in_the_example_is_named(tmp_path: Path, mistake: str) -> None:
     notes = notes_on(MISTAKES[mistake](example(), np.random.default_rng(1)), tmp_path)
     assert re.search(CAUSES[mistake], notes[0])
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "cause"),
+    [
+        (["time_s"], 1 / 86_400, "time_s may not hold seconds: the poses are 29 m apart along the path and 0.00301 s"),
+        (["time_s"], 0.0, "time_s may not hold seconds"),
+        ([*STRENGTHS, *DEVIATIONS], 1e3, "strengths may be millivolts or microvolts: the median"),
+    ],
+)
+def test_unit_that_leaves_directions_as_they_are_is_doubted(
+    tmp_path: Path, columns: list[str], factor: float, cause: str
+) -> None:
+    (note,) = notes_on(example().changed(**{name: factor * example().table[name] for name in columns}), tmp_path)
+    assert note.startswith(cause)
+
+
+def test_degrees_with_compass_headings_are_named_together(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    note, *_ = notes_on(MISTAKES["degrees"](MISTAKES["compass"](example(), rng), rng), tmp_path)
+    assert note.startswith("x_m and y_m may be longitude and latitude in degrees, and yaw_deg compass headings")
+    assert note.endswith("convert them to metres east and north, and use --heading compass")
 
 
 @pytest.mark.parametrize("heading", ["compass", "clockwise"])
