@@ -48,6 +48,9 @@ from pdpatrol.sensing.radio.transmission import Sight
 FIELD_RULES = LocatingRules(refit_s=np.inf)
 """Rules for data recorded by people, which are refitted when `locate_field_data` decides."""
 
+USUAL_CHANNELS = (4, 6)
+"""Numbers of channels of the default array: a ring of six, or its first four."""
+
 CATCH_UP_S = 1e9
 """Time between fits while steps of the past are added: longer than any survey."""
 
@@ -128,6 +131,9 @@ class FieldLocator:
         self.log = MissionLog(_meta(data, array, survey, scenario, bounds_m))
         if survey.pattern is not None:
             self.log.event("note", f"pattern {survey.pattern.name}: {describe_beam(array.manifold.pattern)}")
+        if survey.boresights_deg is None and data.n_recorded not in USUAL_CHANNELS:
+            text = f"boresights of {data.n_recorded} channels are assumed, evenly spaced clockwise from 90 degrees"
+            self.log.event("note", f"{text}; give --boresights-deg if they are others, or a channel is not an antenna")
         self._name, self._channels = ", ".join(filter(None, (data.path.name, survey.date))), data.channels
         self._monitor = ChannelMonitor(array, maximum_likelihood)
         self._locator = Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)

@@ -48,6 +48,17 @@ def test_shipped_example_is_made_by_its_script(tmp_path: Path) -> None:
             assert all(np.array_equal(shipped[key], made[key]) for key in shipped.files)
 
 
+def test_assumed_boresights_of_unusual_arrays_are_noted(tmp_path: Path) -> None:
+    header, *rows = EXAMPLE.read_text().splitlines()
+    (tmp_path / "t.csv").write_text("\n".join([f"{header},strength_7,std_7", *(f"{row},0,0.001" for row in rows)]))
+    assumed, given = (
+        [note for note in locate(tmp_path / "t.csv", noise_v=None, boresights_deg=angles).notes if "boresights" in note]
+        for angles in (None, (90.0, 30.0, -30.0, -90.0, -150.0, 150.0, 0.0))
+    )
+    assert assumed[0].startswith("boresights of 7 channels are assumed, evenly spaced clockwise from 90 degrees")
+    assert given == []
+
+
 @pytest.mark.parametrize("start_s", [-1000.0, 1.7e9])
 def test_survey_may_begin_at_any_time(tmp_path: Path, start_s: float) -> None:
     header, *rows = EXAMPLE.read_text().splitlines()
