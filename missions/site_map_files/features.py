@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
 
 from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
@@ -15,6 +15,9 @@ from pdpatrol.envs.scenario.base import error_lines
 
 MAX_BYTES = 50_000_000
 """Maximum size of a file. Assumed; a map of a large substation takes a hundredth."""
+
+OUT_OF_RANGE = {"less_than_equal", "greater_than_equal"}
+"""Types of the errors of coordinates that are not longitude and latitude."""
 
 Longitude = Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False)]
 Latitude = Annotated[float, Field(ge=-85.0, le=85.0, allow_inf_nan=False)]
@@ -26,11 +29,18 @@ def _without_height(value: Any) -> Any:  # noqa: ANN401 - files may contain any 
     return value[:2] if isinstance(value, list) else value
 
 
+def _closed(ring: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    if ring[0] != ring[-1]:
+        raise ValueError(f"must end where it begins, at {ring[0]}, got {ring[-1]}")
+    return ring
+
+
 Position = Annotated[tuple[Longitude, Latitude], BeforeValidator(_without_height)]
 
 
 Line = Annotated[list[Position], Field(min_length=2)]
-Rings = Annotated[list[Annotated[list[Position], Field(min_length=4)]], Field(min_length=1)]
+Ring = Annotated[list[Position], Field(min_length=4), AfterValidator(_closed)]
+Rings = Annotated[list[Ring], Field(min_length=1)]
 
 
 class _Point(BaseModel):
@@ -121,6 +131,7 @@ def read_features(path: Path) -> MapContent:
     features: list[MapFeature] = []
     notes: list[str] = []
     errors: list[str] = []
+    types: set[str] = set()
     for number, item in enumerate(found):
         try:
             if isinstance(item, dict) and item.get("geometry", item) is None:
@@ -128,9 +139,12 @@ def read_features(path: Path) -> MapContent:
             else:
                 features += _features(number, item)
         except ValidationError as error:
-            errors += [f"{path}: features.{number}.{line}" for line in error_lines(error, _Shape)]
+            errors += [f"features.{number}.{line}" for line in error_lines(error, _Shape)]
+            types |= {each["type"] for each in error.errors()}
+    if len(errors) > 1 and not features and types <= OUT_OF_RANGE:
+        errors = [f"must have longitude and latitude on WGS 84, as RFC 7946 requires: {errors[0]}"]
     if errors:
-        raise InputFileError(errors)
+        raise InputFileError([f"{path}: {line}" for line in errors])
     if not features:
         raise InputFileError([f"{path}: must have features with a geometry, got none", *notes])
     return MapContent(features, notes, is_located=True)

@@ -98,7 +98,8 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa:
         features: Features of the map.
 
     Raises:
-        InputFileError: If the yard is too large, the map has several outlines, or the sides of the outline cross.
+        InputFileError: If the yard is too large, the map has several outlines, or sides or heading of the outline are
+            not valid.
     """
     outlines = [each for each in features if each.shape == "Polygon" and each.tags.get("power") in OUTLINES]
     if len(outlines) > 1:
@@ -110,6 +111,9 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa:
     rough = GeoreferenceConfig(longitude_deg=float(points_deg[0, 0]), latitude_deg=float(points_deg[0, 1]))
     points_m = places_in_yard(points_deg, rough)
     stated_deg = outlines[0].tags.get("heading_deg") if outlines else 0.0
+    if isinstance(stated_deg, int | float) and not abs(stated_deg) <= 360.0:
+        place = outlines[0].place
+        raise InputFileError([f"{path}: {place}: heading_deg: must be from -360 to 360 degrees, got {stated_deg}"])
     if isinstance(stated_deg, int | float):
         heading_deg = float(stated_deg)
     else:

@@ -149,6 +149,16 @@ def test_other_reference_systems_are_refused_in_one_line(tmp_path: Path, refused
     assert line.endswith("got urn:ogc:def:crs:EPSG::25832")
 
 
+def test_map_on_a_grid_without_a_crs_is_refused_in_one_line(tmp_path: Path, refused: Refused) -> None:
+    points = [feature("Point", [GRID[0] + k, GRID[1]], power="insulator") for k in range(50)]
+    written(tmp_path, {"type": "FeatureCollection", "features": points})
+    (line,) = refused("import", "site.geojson", cwd=tmp_path)
+    assert line.startswith(
+        "site.geojson: must have longitude and latitude on WGS 84, as RFC 7946 requires: features.0."
+    )
+    assert line.endswith("got 691000.0")
+
+
 def test_mapping_of_a_map_is_refused(tmp_path: Path, refused: Refused) -> None:
     written(tmp_path, josm())
     (line,) = refused("import", "site.geojson", "--mapping", "mapping.toml", cwd=tmp_path)

@@ -44,6 +44,11 @@ OUTLINE = area(40.0, 30.0, 80.0, 60.0, power="substation", voltage="220000;20000
 BREAKER = feature([(20.0, 30.0)], power="switch", switch="circuit_breaker", ref="E03-QA1")
 
 
+def written_heading(heading_deg: float) -> str:
+    outline = area(40.0, 30.0, 80.0, 60.0, power="substation", heading_deg=heading_deg)
+    return json.dumps({"type": "FeatureCollection", "features": [outline]})
+
+
 def written(folder: Path, *features: dict[str, Any]) -> Path:
     path = folder / "site.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
@@ -132,6 +137,10 @@ BAD_GEOMETRY = (
     ({"type": "Point", "coordinates": [float("nan"), 52.0]}, "geometry.Point.coordinates.0: must be a finite number"),
     ({"type": "LineString", "coordinates": [[9.0, 52.0]]}, "must have at least 2 items"),
     ({"type": "Polygon", "coordinates": [[[9.0, 52.0], [9.1, 52.0], [9.0, 52.0]]]}, "must have at least 4 items"),
+    (
+        {"type": "Polygon", "coordinates": [[[9.0, 52.0], [9.1, 52.0], [9.1, 52.1], [9.0, 52.1]]]},
+        "geometry.Polygon.coordinates.0: must end where it begins, at (9.0, 52.0), got (9.0, 52.1)",
+    ),
     ({"type": "Circle", "coordinates": [9.0, 52.0]}, "geometry"),
     ("nowhere", "geometry"),
 )
@@ -162,6 +171,8 @@ def test_each_bad_geometry_is_one_error(tmp_path: Path) -> None:
             ),
             "the yard must be at most 400 m long",
         ),
+        (written_heading(float("nan")), "features.0: heading_deg: must be from -360 to 360 degrees, got nan"),
+        (written_heading(400.0), "features.0: heading_deg: must be from -360 to 360 degrees, got 400.0"),
     ],
 )
 def test_unusable_file_is_refused_in_one_line(text: str, line: str, tmp_path: Path, refused: Refused) -> None:
