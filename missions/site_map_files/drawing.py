@@ -34,6 +34,9 @@ NOWHERE = GeoreferenceConfig(latitude_deg=0.0, longitude_deg=0.0)
 FLATTENING_M = 0.02
 """Maximum distance of an arc from its chords (assumed)."""
 
+CLOSED_M = 0.001
+"""Distance of the ends of a line up to which it is closed (assumed), as of ends that were rounded."""
+
 LEAST_M = 0.05
 """Length below which a line or the side of an area is an error (assumed), as of the thinnest pieces."""
 
@@ -73,8 +76,6 @@ class _DrawnFeature(NamedTuple):
 def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     """Read the features of a DXF file.
 
-    The largest closed line of the kind `fence` is the outline of the substation.
-
     Args:
         path: The file.
         mapping: Kinds by names of blocks and layers.
@@ -112,7 +113,7 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     to_degrees, is_located = _to_degrees(document, unit_m, notes, np.concatenate([each.points_m for each in found]))
     features = [
         MapFeature(place, tags, shape, to_degrees(points_m), kind, is_turned)
-        for place, tags, shape, points_m, kind, is_turned in _with_outline(found)
+        for place, tags, shape, points_m, kind, is_turned in found
     ]
     return MapContent(features, notes, is_located)
 
@@ -201,6 +202,7 @@ def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:
     """
     entity, shape, is_turned = drawn.entity, "Point", False
     tags = {"voltage": str(1000 * row.kv) if row.kv else "", "height": row.height_m or "", "yaw_deg": row.yaw_deg}
+    tags |= {"barrier": "fence"} if row.kind == "fence" else {}  # of which one may be the outline
     if isinstance(entity, Insert):
         points_m, shape, is_turned = unit_m * _corners(entity, row, unit_m), "Polygon", True
         names = {each.dxf.tag.lower(): each.dxf.text for each in entity.attribs}
@@ -214,7 +216,8 @@ def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:
     else:
         line = make_path(entity)
         points_m = unit_m * _plane(line.flattening(FLATTENING_M / unit_m)) if len(line) else np.empty((0, 2))
-        shape = "Polygon" if len(points_m) > 2 and (points_m[0] == points_m[-1]).all() else "LineString"
+        is_closed = len(points_m) > 2 and np.linalg.norm(points_m[-1] - points_m[0]) <= CLOSED_M
+        shape = "Polygon" if is_closed else "LineString"
     if not np.isfinite(points_m).all():
         raise ValueError("the coordinates must be finite, got " + str(points_m[~np.isfinite(points_m)][0]))
     if shape == "LineString" and (length_m := _length(points_m)) < LEAST_M:
@@ -254,13 +257,6 @@ def _corners(insert: Insert, row: NamedKind, unit_m: float) -> FloatArray:
 def _plane(points: Iterable[Vec3]) -> FloatArray:
     """Return x and y of points, shape (n, 2)."""
     return np.array([(each.x, each.y) for each in points], dtype=np.float64)
-
-
-def _with_outline(features: list[_DrawnFeature]) -> list[_DrawnFeature]:
-    """Mark the largest closed fence as the outline of the substation."""
-    rings = [each for each in features if each.kind == "fence" and each.shape == "Polygon"]
-    outline = max(rings, key=lambda each: ring_area(each.points_m), default=None)
-    return [each._replace(tags={"power": "substation"}) if each is outline else each for each in features]
 
 
 def _to_degrees(

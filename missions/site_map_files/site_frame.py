@@ -77,17 +77,30 @@ def oriented_box(points_m: FloatArray, yaw_rad: float | None = None) -> Oriented
 
 
 def with_outline(features: Sequence[MapFeature]) -> list[MapFeature]:
-    """Mark the largest closed fence around most features as the outline, if the map has none."""
+    """Mark the largest closed fence around most features as the outline, if the map has none.
+
+    Closed lines that are outlines or fences become areas, as OpenStreetMap does not distinguish the two.
+    """
+    features = [_as_area(each) for each in features]
     rings = [each for each in features if each.shape == "Polygon" and each.tags.get("barrier") == "fence"]
     if not rings or any(each.tags.get("power") in OUTLINES for each in features):
-        return list(features)
+        return features
     outline = max(rings, key=lambda each: ring_area(each.points_deg))
     others_deg = np.array([each.points_deg.mean(axis=0) for each in features if each is not outline]).reshape(-1, 2)
     is_around = Polygon(list(map(tuple, outline.points_deg.tolist()))).is_inside(others_deg)
     if not len(others_deg) or is_around.mean() <= 0.5:
-        return list(features)
+        return features
     tags = {**outline.tags, "power": OUTLINES[0]}
     return [each._replace(tags=tags) if each is outline else each for each in features]
+
+
+def _as_area(feature: MapFeature) -> MapFeature:
+    """Return the area within a closed line that is an outline or a fence, and any other feature unchanged."""
+    points_deg = feature.points_deg
+    is_closed = feature.shape == "LineString" and len(points_deg) > 3 and (points_deg[0] == points_deg[-1]).all()
+    if is_closed and (feature.tags.get("power") in OUTLINES or feature.tags.get("barrier") == "fence"):
+        return feature._replace(shape="Polygon", points_deg=points_deg[:-1])
+    return feature
 
 
 def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa: ANN401

@@ -88,7 +88,7 @@ def site_pieces(
     found: list[Found] = []
     usual = max((_voltage(each.tags) or 0.0 for each in features if each.tags.get("power") in OUTLINES), default=0.0)
     for feature in features:
-        if feature.tags.get("power") not in OUTLINES:
+        if feature.tags.get("power") not in OUTLINES or feature.shape != "Polygon":
             own = list(_found(feature, places_in_yard(feature.points_deg, reference), usual))
             found += [each for each in own if isinstance(each, Found)]
             notes += [each for each in own if isinstance(each, str)]

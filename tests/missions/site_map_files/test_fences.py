@@ -46,6 +46,7 @@ def ring(corners_m: Corners, **tags: object) -> dict[str, Any]:
 
 
 INSULATOR = feature("Point", (20.0, 20.0), power="insulator")
+HV_INSULATOR = feature("Point", (20.0, 20.0), power="insulator", voltage="110000")
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, -63.0])
@@ -84,6 +85,25 @@ def test_closed_fence_around_the_features_is_the_outline(tmp_path: Path) -> None
     assert sorted(piece.kind for piece in yard.equipment) == ["building", *["fence"] * 4]
 
 
+@pytest.mark.parametrize("tags", [{"power": "substation"}, {"barrier": "fence"}])
+def test_closed_line_around_the_features_is_the_outline(tags: dict[str, str], tmp_path: Path) -> None:
+    """Overpass Turbo writes closed ways of fences as lines."""
+    line = feature("LineString", (*FENCE_M, FENCE_M[0]), voltage="110000", **tags)
+    _, yard, notes = import_site(written(tmp_path, line, HV_INSULATOR))
+    assert notes == []
+    assert len(yard.fence.corners_m) == len(FENCE_M)
+    assert [piece.kind for piece in yard.equipment] == ["post_insulator"]
+
+
+@pytest.mark.parametrize(("kind", "points_m"), [("Point", (30.0, 20.0)), ("LineString", FENCE_M)])
+def test_substation_without_an_area_is_listed(kind: str, points_m: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    """Its voltage still is that of equipment without one."""
+    path = written(tmp_path, feature(kind, points_m, power="substation", voltage="220000"), INSULATOR)
+    _, yard, notes = import_site(path)
+    assert "features.0: no equipment is known for power=substation, voltage=220000; left out" in notes
+    assert yard.equipment[0].model_dump()["kv"] == 220
+
+
 def test_rectangular_outline_has_no_corners_in_the_file(tmp_path: Path) -> None:
     box = ((0.0, 0.0), (30.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0))
     path = written(tmp_path, ring(box, power="substation", voltage="110000"), INSULATOR)
@@ -103,6 +123,28 @@ def test_fence_of_a_drawing_keeps_its_corners(tmp_path: Path) -> None:
     _, yard, _ = import_site(tmp_path / "site.dxf")
     assert corner_distance(yard.fence.corners_m, np.array(FENCE_M)) < 0.01
     np.testing.assert_allclose(yard.equipment[0].position_m, (8.0, 7.0), atol=0.01)
+
+
+def test_fence_of_a_drawing_around_most_features_is_the_outline(tmp_path: Path) -> None:
+    """A closed fence within one of open lines is equipment; ends that differ by rounding close a line."""
+    drawing = new("R2018", units=6)
+    space = drawing.modelspace()
+    for start, end in zip(FENCE_M, FENCE_M[1:] + FENCE_M[:1], strict=True):
+        space.add_line(start, end, {"layer": "fence"})
+    inner = [(5.0, 5.0), (13.0, 5.0), (13.0, 11.0), (5.0, 11.0)]
+    space.add_lwpolyline(inner, close=True, dxfattribs={"layer": "fence"})
+    for x in (20.0, 30.0):
+        space.add_lwpolyline(
+            [(x, 15.0), (x + 4.0, 15.0), (x + 4.0, 18.0), (x, 18.0)], close=True, dxfattribs={"layer": "building"}
+        )
+    drawing.saveas(tmp_path / "open.dxf")
+    _, yard, (note,) = import_site(tmp_path / "open.dxf")
+    assert "has no outline" in note
+    assert sorted(piece.kind for piece in yard.equipment) == ["building", "building", *["fence"] * 10]
+    space.add_lwpolyline([*FENCE_M, (0.0, 1e-9)], dxfattribs={"layer": "fence"})
+    drawing.saveas(tmp_path / "closed.dxf")
+    _, yard, _ = import_site(tmp_path / "closed.dxf")
+    assert corner_distance(yard.fence.corners_m, np.array(FENCE_M)) < 0.01
 
 
 def test_crossing_outline_is_one_error(tmp_path: Path) -> None:
