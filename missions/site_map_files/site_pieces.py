@@ -50,6 +50,9 @@ RULES: tuple[tuple[Mapping[str, str], str], ...] = (
 KV_OF_V: tuple[tuple[float, float, Kv], ...] = ((60e3, 150e3, 110), (150e3, 300e3, 220), (300e3, 550e3, 400))
 """Ranges of voltages, and the level whose equipment stands for them."""
 
+UNITS = {"": 1.0, "m": 1.0, "v": 1.0, "kv": 1000.0, "ft": 0.3048}
+"""Units that may follow the number of a tag, in lower case, and their size."""
+
 RINGS = ("fence", "kerb")
 """Kinds that stand on the sides of a closed line."""
 
@@ -154,7 +157,10 @@ def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterato
 
 def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]) -> Iterator[Found | str]:
     """Yield a piece for each straight part of a line, or the box around an area."""
-    kind, height_m = keys["kind"], _number(feature.tags.get("height"))
+    kind, stated = keys["kind"], feature.tags.get("height")
+    height_m = _number(stated)
+    if stated and height_m is None:
+        yield f"{feature.place}: height: must be a number of metres, got {stated}; a usual height is taken"
     if feature.shape == "Point":
         yield f"{feature.place}: {kind} must be a line or an area, got a point; left out"
     elif kind != "wall" and (kind == "building" or kind not in CATALOGUE):
@@ -216,19 +222,21 @@ def _with_poles_joined(found: list[Found]) -> tuple[list[Found], list[str]]:
 
 
 def _has(tags: Mapping[str, Any], needed: Mapping[str, str]) -> bool:
-    return all(tags.get(key) not in (None, "no") and value in (ANY, tags[key]) for key, value in needed.items())
+    return all(tags.get(key) not in (None, "", "no") and value in (ANY, tags[key]) for key, value in needed.items())
 
 
 def _voltage(tags: Mapping[str, Any]) -> float | None:
-    """Return the highest of the voltages of a tag such as `110000;20000`."""
-    volts = [_number(text) for text in str(tags.get("voltage", "")).split(";")]
+    """Return the highest voltage of `voltage` such as `110000;20000`, or that of the primary winding."""
+    stated = tags.get("voltage") or tags.get("voltage:primary") or ""
+    volts = [_number(text) for text in re.split("[;,/]", str(stated))]
     return max((each for each in volts if each), default=None)
 
 
 def _number(value: Any) -> float | None:  # noqa: ANN401 - a property may have any value
-    """Return the positive number at the beginning of a property, such as `7.5 m`."""
-    found = re.match(r"\s*(\d+(\.\d+)?)", str(value))
-    return float(found[1]) or None if found else None
+    """Return the positive number of a property such as `7.5`, `7.5 m` or `12 ft`, in SI units, or None."""
+    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(\w*)\s*", str(value))
+    unit = UNITS.get(found[2].lower()) if found else None
+    return unit * float(found[1]) or None if found and unit else None
 
 
 def _direction_deg(way_m: FloatArray) -> float:

@@ -93,6 +93,26 @@ def test_tags_become_kinds_at_their_places(tmp_path: Path) -> None:
     assert scenario.georeference.latitude_deg == pytest.approx(-33.9, abs=1e-7)
 
 
+def test_numbers_of_tags_are_in_their_units(tmp_path: Path) -> None:
+    """Volts of the primary winding, kilovolts, metres and feet; other heights are listed, empty tags do not count."""
+    _, yard, (note,) = import_site(
+        written(
+            tmp_path,
+            area(40.0, 30.0, 80.0, 60.0, power="substation", voltage="380000;110000"),
+            area(20.0, 15.0, 7.0, 5.0, power="transformer", **{"voltage:primary": "110000", "name": "T1"}),
+            feature([(60.0, 15.0)], power="insulator", voltage="220 kV", name="Z1", building=""),
+            area(20.0, 40.0, 8.0, 6.0, building="yes", height="10 ft", name="B1"),
+            area(40.0, 40.0, 8.0, 6.0, building="yes", height="4.5m", name="B2"),
+            area(60.0, 40.0, 8.0, 6.0, building="yes", height="16'4\"", name="B3"),
+        )
+    )
+    got = {each.name: each.model_dump() for each in yard.equipment}
+    assert (got["t1"]["kv"], got["z1"]["kv"]) == (110, 220)
+    heights_m = [got[name]["height_m"] for name in ("b1", "b2", "b3")]
+    assert heights_m == pytest.approx([3.048, 4.5, 3.5])
+    assert note == "features.5 (B3): height: must be a number of metres, got 16'4\"; a usual height is taken"
+
+
 def test_three_poles_in_a_row_are_one_piece(tmp_path: Path) -> None:
     poles = [feature([(20.0, 25.0 + 4.0 * k)], power="switch", switch="disconnector") for k in (2, 0, 1)]
     alone = feature([(50.0, 30.0)], power="switch", switch="disconnector")
