@@ -1,5 +1,6 @@
 """Pieces of equipment from the features of a map: tags of OpenStreetMap, or properties that `write_site_map` wrote."""
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -122,6 +123,12 @@ def site_pieces(
 def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterator[Found | str]:
     """Yield the pieces of a feature, or a note if it is left out."""
     own = feature.tags.get(OWN)
+    if isinstance(own, str) and own:  # as GDAL saves tables
+        try:
+            own = json.loads(own)
+        except ValueError as error:
+            yield f"{feature.place}: {OWN}: is not valid JSON: {error}; left out"
+            return
     if isinstance(own, Mapping):
         yield Found(feature.place, {**own, "position_m": points_m[0].round(4).tolist()})
         return

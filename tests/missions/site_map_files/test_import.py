@@ -223,6 +223,16 @@ def test_written_map_is_read_back(heading_deg: float, tmp_path: Path) -> None:
         assert np.linalg.norm(np.subtract(piece.position_m, old.position_m)) < 0.01
 
 
+def test_keys_that_were_saved_as_text_are_read(tmp_path: Path) -> None:
+    """GDAL writes a table within the properties as text, and programs that use it do so too."""
+    keys = {"name": "q1", "kind": "circuit_breaker", "kv": 400, "yaw_deg": 90.0}
+    good = feature([(20.0, 30.0)], power="switch", switch="circuit_breaker", pdpatrol=json.dumps(keys))
+    bad = feature([(40.0, 30.0)], power="switch", switch="circuit_breaker", pdpatrol="{'name'")
+    _, yard, (note,) = import_site(written(tmp_path, OUTLINE, good, bad))
+    assert [each.model_dump(include=set(keys)) for each in yard.equipment] == [keys]
+    assert note.startswith("features.2: pdpatrol: is not valid JSON")
+
+
 @settings(max_examples=50, deadline=None)
 @given(
     latitude_deg=st.floats(-80.0, 80.0),
