@@ -9,7 +9,7 @@ import numpy as np
 from ezdxf import DXFError, bbox, units
 from ezdxf.document import Drawing
 from ezdxf.dynblkhelper import get_dynamic_block_definition
-from ezdxf.entities import Circle, DXFGraphic, Insert, Point
+from ezdxf.entities import Arc, Circle, DXFGraphic, Insert, Point
 from ezdxf.entities.geodata import InvalidGeoDataException
 from ezdxf.filemanagement import readfile
 from ezdxf.layouts import BlockLayout
@@ -42,6 +42,9 @@ LEAST_M = 0.05
 
 NAME_ATTRIBUTES = ("name", "ref", "tag", "designation")
 """Attributes of a block that may hold the name of a piece, in lower case."""
+
+IN_WORLD = {"LINE", "POINT"}
+"""Types whose coordinates are those of the world, whatever their extrusion."""
 
 TEXTS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER"}
 
@@ -92,7 +95,7 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     for drawn in _entities(document.modelspace(), mapping, ""):
         row, type_ = drawn.row, drawn.entity.dxftype()
         try:
-            _check(drawn.entity)
+            _check(drawn)
             if row is None or (row.kind != GROUND and type_ in TEXTS):
                 unknown[drawn.label, type_] += 1
             elif row.kind != GROUND:
@@ -166,15 +169,17 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str)
         yield _Drawn(entity, place, label, row)
 
 
-def _check(entity: DXFGraphic) -> None:
-    """Check that an entity lies in the plane, and that a block is defined without itself.
+def _check(drawn: _Drawn) -> None:
+    """Check that an entity of known name lies in the plane, and that a block is defined without itself.
 
     Raises:
         ValueError: With one line that says what must hold.
     """
-    extrusion = Vec3(entity.dxf.get("extrusion", (0.0, 0.0, 1.0)))
-    if not np.isclose(abs(extrusion.normalize().z), 1.0):
-        raise ValueError(f"must lie in the plane of the drawing, got the extrusion {extrusion.round(3)}")
+    entity = drawn.entity
+    if drawn.row is not None and entity.dxf.is_supported("extrusion") and entity.dxftype() not in IN_WORLD:
+        extrusion = Vec3(entity.dxf.get("extrusion", (0.0, 0.0, 1.0)))
+        if not np.isclose(abs(extrusion.normalize().z), 1.0):
+            raise ValueError(f"must lie in the plane of the drawing, got the extrusion {extrusion.round(3)}")
     if not isinstance(entity, Insert):
         return
     block = entity.block()
@@ -207,7 +212,7 @@ def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:
         points_m, shape, is_turned = unit_m * _corners(entity, row, unit_m), "Polygon", True
         names = {each.dxf.tag.lower(): each.dxf.text for each in entity.attribs}
         tags["name"] = next((names[key] for key in NAME_ATTRIBUTES if names.get(key)), "")
-    elif isinstance(entity, Circle):
+    elif isinstance(entity, Circle) and not isinstance(entity, Arc):
         points_m = unit_m * _plane([entity.ocs().to_wcs(entity.dxf.center)])
         if not entity.dxf.radius > 0.0:
             raise ValueError(f"the radius must be positive, got {entity.dxf.radius:g}")

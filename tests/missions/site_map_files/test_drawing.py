@@ -125,6 +125,32 @@ def test_lines_on_layers_become_pieces(tmp_path: Path) -> None:
         assert got[name] == pytest.approx(place_m, abs=0.01)
 
 
+def test_entities_of_other_planes_and_types_are_listed(tmp_path: Path) -> None:
+    """Labels of a front view, faces and arcs do not keep the plan from being read; arcs are lines."""
+    drawing = autocad()
+    space = drawing.modelspace()
+    before = len(import_site(saved(drawing, tmp_path), mapping(tmp_path))[1].equipment)
+    space.add_text("A-A", dxfattribs={"layer": "S-TEXT", "extrusion": (1.0, 0.0, 0.0)})
+    space.add_3dface([(*place, 0.0) for place in square(1e6 + 30e3, 50e3, 4e3, 3e3)], dxfattribs={"layer": "building"})
+    space.add_mline([(1e6, 0.0), (1e6 + 9e3, 0.0)], dxfattribs={"layer": "wall"})
+    start, end = (1e6 + 50e3, 50e3), (1e6 + 60e3, 50e3)
+    space.add_line(start, end, {"layer": "busbar", "extrusion": (1.0, 0.0, 0.0)})
+    space.add_arc((1e6 + 70e3, 50e3), 5e3, 0.0, 90.0, dxfattribs={"layer": "building"})
+    _, yard, notes = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    assert notes == [
+        "block NORTH_ARROW: 2 INSERT not understood; left out",
+        "layer S-TEXT: 2 TEXT not understood; left out",
+        "layer wall: 1 MLINE not understood; left out",
+    ]
+    added = {each.name: each for each in yard.equipment[before:]}
+    assert added.keys() == {"building_1", "busbar_1", "building_2"}
+    assert added["building_1"].position_m == pytest.approx((30.0, 50.0), abs=0.01)
+    assert added["busbar_1"].position_m == pytest.approx((55.0, 50.0), abs=0.01)
+    # The smallest rectangle around an arc of 90 degrees lies along its chord.
+    out_m = 2.5 * (1.0 + np.sqrt(0.5)) * np.sqrt(0.5)
+    assert added["building_2"].position_m == pytest.approx((70.0 + out_m, 50.0 + out_m), abs=0.05)
+
+
 AUTOCAD_ERRORS: tuple[tuple[Callable[[Modelspace], object], str], ...] = (
     (lambda space: space.add_blockref("CB_MISSING", (0, 0)), "block CB_MISSING: the block must be defined in the file"),
     (lambda space: space.add_blockref("CB_SF6_220", (0, 0), {"xscale": np.inf}), "the coordinates must be finite"),
