@@ -7,13 +7,14 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from ezdxf import DXFError, bbox, units
+from ezdxf.disassemble import recursive_decompose
 from ezdxf.document import Drawing
 from ezdxf.dynblkhelper import get_dynamic_block_definition
-from ezdxf.entities import Arc, Circle, DXFGraphic, Insert, Point
+from ezdxf.entities import Arc, Circle, DXFEntity, DXFGraphic, Insert, Point
 from ezdxf.entities.geodata import InvalidGeoDataException
 from ezdxf.filemanagement import readfile
 from ezdxf.layouts import BlockLayout
-from ezdxf.math import Vec3
+from ezdxf.math import X_AXIS, Y_AXIS, Vec3
 from ezdxf.path import make_path
 from pyproj import Transformer
 from pyproj.exceptions import ProjError
@@ -57,12 +58,14 @@ class _Drawn(NamedTuple):
         place: Its type, handle, and block or layer, for messages.
         label: The block or layer under which it is counted if it is not understood.
         row: Kind that its name stands for.
+        is_hidden: True if it is invisible, or its layer is off or frozen.
     """
 
     entity: DXFGraphic
     place: str
     label: str
     row: NamedKind | None
+    is_hidden: bool
 
 
 class _DrawnFeature(NamedTuple):
@@ -91,9 +94,13 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     errors: list[str] = []
     found: list[_DrawnFeature] = []
     unknown: Counter[tuple[str, str]] = Counter()
+    hidden: Counter[tuple[str, str]] = Counter()
     without_kv: dict[tuple[str, str], None] = {}
     for drawn in _entities(document.modelspace(), mapping, ""):
         row, type_ = drawn.row, drawn.entity.dxftype()
+        if drawn.is_hidden:
+            hidden[drawn.label, type_] += 1
+            continue
         try:
             _check(drawn)
             if row is None or (row.kind != GROUND and type_ in TEXTS):
@@ -111,6 +118,8 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     if errors:
         raise InputFileError(errors)
     notes += [f"{label}: {n} {type_} not understood; left out" for (label, type_), n in sorted(unknown.items())]
+    reason = "invisible, or on a layer that is off or frozen; left out"
+    notes += [f"{label}: {n} {type_} {reason}" for (label, type_), n in sorted(hidden.items())]
     if not found:
         raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
     to_degrees, is_located = _to_degrees(document, unit_m, notes, np.concatenate([each.points_m for each in found]))
@@ -153,7 +162,7 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str)
         own_handle = handle or str(entity.dxf.handle)
         label, row = f"layer {entity.dxf.layer}", mapping.row(entity.dxf.layer)
         if isinstance(entity, Insert):
-            if entity.mcount > 1:
+            if entity.mcount > 1 and not _is_hidden(entity):
                 yield from _entities(entity.multi_insert(), mapping, own_handle)
                 continue
             dynamic = get_dynamic_block_definition(entity)  # whose shape may be in an anonymous block such as *U12
@@ -161,12 +170,13 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str)
             label, row = f"block {name}", mapping.row(name) or row
         place = f"{entity.dxftype()} {own_handle} of {label}"
         block = entity.block() if isinstance(entity, Insert) else None
-        if row is None and isinstance(entity, Insert) and block is not None and not _contains(block, {block.name}):
+        is_open = row is None and block is not None and not _is_hidden(entity) and not _contains(block, {block.name})
+        if is_open and isinstance(entity, Insert):
             inner = list(_entities(entity.virtual_entities(), mapping, own_handle))
             if any(each.row is not None for each in inner):
                 yield from inner
                 continue
-        yield _Drawn(entity, place, label, row)
+        yield _Drawn(entity, place, label, row, _is_hidden(entity))
 
 
 def _check(drawn: _Drawn) -> None:
@@ -210,6 +220,9 @@ def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:
     tags |= {"barrier": "fence"} if row.kind == "fence" else {}  # of which one may be the outline
     if isinstance(entity, Insert):
         points_m, shape, is_turned = unit_m * _corners(entity, row, unit_m), "Polygon", True
+        x_axis, y_axis = (entity.matrix44().transform_direction(axis).vec2 for axis in (X_AXIS, Y_AXIS))
+        if x_axis.det(y_axis) < 0.0:
+            points_m, tags["yaw_deg"] = points_m[[1, 0, 3, 2]], -row.yaw_deg  # mirrored; the y axis is kept
         names = {each.dxf.tag.lower(): each.dxf.text for each in entity.attribs}
         tags["name"] = next((names[key] for key in NAME_ATTRIBUTES if names.get(key)), "")
     elif isinstance(entity, Circle) and not isinstance(entity, Arc):
@@ -242,21 +255,41 @@ def _length(points_m: FloatArray) -> float:
 def _corners(insert: Insert, row: NamedKind, unit_m: float) -> FloatArray:
     """Return the corners of the rectangle around a placed block, along its axes, x axis first, shape (4, 2).
 
-    A block without lines is a square of one metre around its base point.
+    A block without lines is a square of one metre around its base point, and one whose lines are on a straight line is
+    one metre wide, unless its kind has the size of the block.
     """
     block = insert.block()
     assert block is not None
-    extent = bbox.extents((each for each in block if each.dxftype() not in TEXTS), fast=True)
-    shape = CATALOGUE.get(row.kind)
+    lines = (each for each in block if _shows_size(each))
+    extent = bbox.extents(filter(_shows_size, recursive_decompose(lines)), fast=True)
+    shape, half = CATALOGUE.get(row.kind), 0.5 / unit_m
+    has_own_size = shape is not None and not shape.stretches
     if extent.has_data and max(extent.size.x, extent.size.y) > 0.0:
-        low, high = extent.extmin, extent.extmax
-    elif shape is None or shape.stretches:
-        raise ValueError(f"the block must have lines that show the size of a {row.kind}, got none")
-    else:
-        base, half = Vec3(block.base_point), 0.5 / unit_m
+        pad = Vec3(*(half if has_own_size and side == 0.0 else 0.0 for side in extent.size.vec2))
+        low, high = extent.extmin - pad, extent.extmax + pad
+    elif has_own_size:
+        base = Vec3(block.base_point)
         low, high = base - Vec3(half, half), base + Vec3(half, half)
+    else:
+        raise ValueError(f"the block must have lines that show the size of a {row.kind}, got none")
     corners = [(low.x, low.y), (high.x, low.y), (high.x, high.y), (low.x, high.y)]
     return _plane(insert.matrix44().transform_vertices([Vec3(*each) for each in corners]))
+
+
+def _shows_size(entity: DXFEntity) -> bool:
+    """Return whether an entity within a block is a visible line, no label and no auxiliary point."""
+    if not isinstance(entity, DXFGraphic) or entity.dxftype() in TEXTS or isinstance(entity, Point):
+        return False
+    return not _is_hidden(entity) and entity.dxf.layer.lower() != "defpoints"  # which CAD programs do not plot
+
+
+def _is_hidden(entity: DXFGraphic) -> bool:
+    """Return whether an entity is invisible, or on a layer that is off or frozen."""
+    document, name = entity.doc, entity.dxf.layer
+    if entity.dxf.invisible or document is None or name not in document.layers:
+        return bool(entity.dxf.invisible)
+    layer = document.layers.get(name)
+    return layer.is_off() or layer.is_frozen()
 
 
 def _plane(points: Iterable[Vec3]) -> FloatArray:

@@ -151,6 +151,64 @@ def test_entities_of_other_planes_and_types_are_listed(tmp_path: Path) -> None:
     assert added["building_2"].position_m == pytest.approx((70.0 + out_m, 50.0 + out_m), abs=0.05)
 
 
+def test_block_stands_in_the_middle_of_its_visible_lines(tmp_path: Path) -> None:
+    """Auxiliary and invisible lines, points, and labels within a block do not move it; a line has a direction."""
+    drawing = autocad()
+    drawing.blocks.new("LABEL").add_text("a label of several metres", dxfattribs={"height": 2500.0})
+    block = drawing.blocks.new("VT_1")
+    block.add_circle((0.0, 0.0), 400.0)
+    block.add_line((0.0, 0.0), (30e3, 0.0), {"layer": "Defpoints"})
+    block.add_line((0.0, 0.0), (0.0, 50e3), {"invisible": 1})
+    block.add_line((0.0, 0.0), (0.0, -50e3), {"layer": "AXES"})
+    block.add_point((9e3, 0.0))
+    block.add_blockref("LABEL", (0.0, 0.0))
+    drawing.layers.add("AXES").freeze()
+    drawing.blocks.new("ISOLATOR_1").add_line((0.0, -4e3), (0.0, 4e3))
+    drawing.modelspace().add_blockref("VT_1", (1e6 + 30e3, 50e3))
+    drawing.modelspace().add_blockref("ISOLATOR_1", (1e6 + 60e3, 40e3), {"rotation": 30.0})
+    _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    got = {each.name: each for each in yard.equipment}
+    assert got["voltage_transformer_1"].position_m == pytest.approx((30.0, 50.0), abs=0.01)
+    assert got["disconnector_centre_break_1"].yaw_deg == pytest.approx(30.0, abs=0.1)
+
+
+def test_mirrored_block_keeps_its_y_axis(tmp_path: Path) -> None:
+    """Poles stand symmetrically along x, but bushings of high voltage on one side, at y > 0."""
+    drawing = autocad()
+    space = drawing.modelspace()
+    space.delete_all_entities()
+    space.add_lwpolyline([(1e3 * x, 1e3 * y) for x, y in square(40, 30, 80, 60)], close=True).dxf.layer = "FENCE"
+    mirrored = ({"xscale": -1.0}, {"yscale": -1.0}, {"xscale": -1.0, "yscale": -1.0}, {"extrusion": (0, 0, -1)})
+    for k, scale in enumerate(mirrored):
+        x = -1e3 * (10 + 15 * k) if "extrusion" in scale else 1e3 * (10 + 15 * k)  # in the axes of the extrusion
+        space.add_blockref("Power Transformer", (x, 30e3), scale | {"rotation": 0.0 if k == 3 else 30.0})
+    for yaw_deg, expected in ((0.0, (30.0, -150.0, -150.0, 0.0)), (90.0, (-60.0, 120.0, -60.0, -90.0))):
+        rows = f'kv = 110\n[names]\n"power*" = {{ kind = "power_transformer", yaw_deg = {yaw_deg} }}'
+        _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path, rows))
+        got = [each.yaw_deg for each in sorted(yard.equipment, key=lambda each: each.position_m[0])]
+        assert np.allclose((np.subtract(got, expected) + 180.0) % 360.0, 180.0, atol=0.1), got
+
+
+def test_hidden_entities_are_listed(tmp_path: Path) -> None:
+    """Layers that are off or frozen, and invisible entities, are no part of the yard."""
+    drawing = autocad()
+    drawing.layers.add("OLD").off()
+    drawing.layers.add("FENCE_PLANNED").freeze()
+    drawing.layers.add("LOCKED").lock()
+    space = drawing.modelspace()
+    for k, look in enumerate(({"layer": "OLD"}, {"invisible": 1}, {"layer": "LOCKED"})):
+        space.add_blockref("CB_SF6_220", (1e6 + 30e3 + 12e3 * k, 50e3), look)
+    space.add_lwpolyline([(0.0, 0.0), (2e6, 0.0), (2e6, 1e5)], close=True).dxf.layer = "FENCE_PLANNED"
+    _, yard, notes = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    assert yard.size_m == pytest.approx((80.0, 60.0), abs=0.01)
+    assert [each.position_m for each in yard.equipment if each.position_m[1] > 49.0] == [
+        pytest.approx((10.0, 52.5), abs=0.01),
+        pytest.approx((54.0, 50.0), abs=0.01),
+    ]
+    reason = "invisible, or on a layer that is off or frozen; left out"
+    assert notes[-2:] == [f"block CB_SF6_220: 2 INSERT {reason}", f"layer FENCE_PLANNED: 1 LWPOLYLINE {reason}"]
+
+
 AUTOCAD_ERRORS: tuple[tuple[Callable[[Modelspace], object], str], ...] = (
     (lambda space: space.add_blockref("CB_MISSING", (0, 0)), "block CB_MISSING: the block must be defined in the file"),
     (lambda space: space.add_blockref("CB_SF6_220", (0, 0), {"xscale": np.inf}), "the coordinates must be finite"),
