@@ -38,6 +38,9 @@ FLATTENING_M = 0.02
 CLOSED_M = 0.001
 """Distance of the ends of a line up to which it is closed (assumed), as of ends that were rounded."""
 
+LEAST_SITE_M = 5.0
+"""Length below which the unit of a drawing is wrong (assumed): of yards of 5 to 400 m drawn in metres, if it is mm."""
+
 LEAST_M = 0.05
 """Length below which a line or the side of an area is an error (assumed), as of the thinnest pieces."""
 
@@ -113,6 +116,10 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
             unknown[drawn.label, type_] += 1
         except ValueError as error:
             errors.append(f"{path}: {drawn.place}: {error}")
+    size_m = np.ptp(np.concatenate([each.points_m for each in found]), axis=0) if len(found) > 1 else [LEAST_SITE_M]
+    if max(size_m) < LEAST_SITE_M:
+        unit, size = units.unit_name(document.header.get("$INSUNITS", 0)), " x ".join(f"{each:.3g}" for each in size_m)
+        raise InputFileError([f"{path}: must be at least {LEAST_SITE_M:g} m long, got {size} m; $INSUNITS is {unit}"])
     need = "needs a voltage: kv = 110, 220 or 400 in a table for --mapping, got none"
     errors += [f"{path}: {label}: {kind} {need}" for label, kind in without_kv]
     if errors:

@@ -367,6 +367,21 @@ def test_each_error_of_a_mapping_is_one_line(text: str, lines: list[str], tmp_pa
     assert not (tmp_path / "site.toml").exists()
 
 
+@pytest.mark.parametrize(
+    ("unit", "line"), [(4, "0.08 x 0.06 m; $INSUNITS is Millimeters"), (1, "2.03 x 1.52 m; $INSUNITS is Inches")]
+)
+def test_drawing_in_another_unit_is_one_error(unit: int, line: str, tmp_path: Path, refused: Refused) -> None:
+    """Metres in a drawing whose unit is that of a template, millimetres or inches."""
+    drawing = new("R2000", units=unit)
+    space = drawing.modelspace()
+    space.add_lwpolyline(square(40.0, 30.0, 80.0, 60.0), close=True).dxf.layer = "fence"
+    space.add_lwpolyline(square(20.0, 15.0, 4.0, 3.0), close=True).dxf.layer = "building"
+    space.add_point((30.0, 15.0), {"layer": "disconnector"})
+    saved(drawing, tmp_path)
+    (error,) = refused("import", "site.dxf", cwd=tmp_path)
+    assert error == f"site.dxf: must be at least 5 m long, got {line}"
+
+
 def test_unusable_drawing_is_refused_in_one_line(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "site.dxf").write_text("no drawing", encoding="utf-8")
     (line,) = refused("import", "site.dxf", cwd=tmp_path)
