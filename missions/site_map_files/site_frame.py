@@ -140,7 +140,7 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa:
             f"{path}: has no outline (power=substation, or a closed fence); "
             f"the yard extends {MARGIN_M:g} m beyond the features"
         )
-    if size_m.max() > MOST_YARD_M:
+    if size_m.round(2).max() > MOST_YARD_M:
         given = f"{size_m[0]:.0f} x {size_m[1]:.0f} m"
         raise InputFileError([f"{path}: the yard must be at most {MOST_YARD_M:g} m long, got {given}"])
     turn = np.array([[np.cos(box.yaw_rad), np.sin(box.yaw_rad)], [-np.sin(box.yaw_rad), np.cos(box.yaw_rad)]])

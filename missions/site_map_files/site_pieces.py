@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
+from scipy.spatial import KDTree
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import as_tuples, error_lines
@@ -209,7 +210,12 @@ def _with_poles_joined(found: list[Found]) -> tuple[list[Found], list[str]]:
     """Join three points in a row, a phase spacing apart, that are the poles of one piece of three poles."""
     joined, notes, used = list[Found](), list[str](), set[int]()
     three_pole = [k for k, each in enumerate(found) if each.is_pole]
-    for trio in combinations(three_pole, 3):
+    if not three_pole:
+        return found, notes
+    tree = KDTree([found[k].keys["position_m"] for k in three_pole])
+    near = tree.query_ball_point(tree.data, max(3.0 * level.spacing_m for level in VOLTAGES.values()))
+    pairs = ((k, pair) for k, others in enumerate(near) for pair in combinations(sorted(j for j in others if j > k), 2))
+    for trio in ((three_pole[k], three_pole[i], three_pole[j]) for k, (i, j) in pairs):
         first, *others = (found[k] for k in trio)
         if used & set(trio) or any(first.keys[key] != each.keys[key] for each in others for key in ("kind", "kv")):
             continue

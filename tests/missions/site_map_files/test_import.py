@@ -124,6 +124,19 @@ def test_three_poles_in_a_row_are_one_piece(tmp_path: Path) -> None:
     assert abs(joined.yaw_deg) == pytest.approx(90.0, abs=0.1)
 
 
+def test_poles_of_a_large_yard_are_joined(tmp_path: Path) -> None:
+    """Only poles near each other are compared: 288 of them have 4 million groups of three; the yard is of full size."""
+    outline = area(200.0, 150.0, 400.0, 300.0, power="substation", voltage="110000")
+    poles = [
+        feature([(20.0 + 50.0 * column, 20.0 + 20.0 * row + 2.0 * pole)], power="switch", switch="disconnector")
+        for column in range(8)
+        for row in range(12)
+        for pole in range(3)
+    ]
+    _, yard, notes = import_site(written(tmp_path, outline, *poles))
+    assert (len(yard.equipment), len(notes)) == (96, 96)
+
+
 NOT_UNDERSTOOD = (
     (feature([(30.0, 30.0)], power="catenary_mast"), "no equipment is known for power=catenary_mast; left out"),
     (feature([(30.0, 30.0)]), "no equipment is known for a feature without tags; left out"),
