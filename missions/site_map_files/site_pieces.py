@@ -3,7 +3,7 @@
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
@@ -58,6 +58,9 @@ UNITS = {"": 1.0, "m": 1.0, "v": 1.0, "kv": 1000.0, "ft": 0.3048}
 RINGS = ("fence", "kerb")
 """Kinds that stand on the sides of a closed line."""
 
+WALLS, WIDEST_WALL_M = ("wall", "fire_wall", "cable_trench_cover"), 2.0
+"""Kinds that stand on the sides of a closed line if it is wider than they are (assumed); else they are the area."""
+
 STOREY_M, WALL_M = 3.5, 0.3
 """Height of a storey, and thickness of a wall (assumed)."""
 
@@ -102,22 +105,25 @@ def site_pieces(
     pieces: list[Equipment] = []
     adapter = TypeAdapter[Equipment](Equipment)
     taken = {str(each.keys["name"]) for each in found if "name" in each.keys}
+    names = set[str]()
     parts = Counter[tuple[str, str]]()
     for place, keys, _ in found:
         name = str(keys.get("name") or _name(keys, taken))
         parts[place, name] += 1  # the second part of a feature is NAME_2
-        keys = {**keys, "name": name if parts[place, name] == 1 else f"{name}_{parts[place, name]}"}
+        name = name if parts[place, name] == 1 else f"{name}_{parts[place, name]}"
+        own_name = _free_name(name, taken | names) if name in names else name
         try:
-            piece = adapter.validate_python(as_tuples(keys))
+            piece = adapter.validate_python(as_tuples({**keys, "name": own_name}))
         except ValidationError as error:
             notes += [f"{place}: {line}; left out" for line in error_lines(error, Yard)]
             continue
         if (across_m := fence.across_fence(piece)) > FENCE_TOLERANCE_M:
             notes.append(f"{place}: a {piece.kind} there extends {across_m:.2f} m beyond the fence; left out")
-        elif piece.name in (other.name for other in pieces):
-            notes.append(f"{place}: has the name `{piece.name}` of an earlier piece; left out")
         else:
             pieces.append(piece)
+            names.add(own_name)
+            if own_name != name:
+                notes.append(f"{place}: has the name `{name}` of an earlier piece; named `{own_name}`")
     return pieces, notes
 
 
@@ -160,7 +166,7 @@ def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterato
         kind in APPARATUS and APPARATUS[kind].n_poles == 3 and box.size_m[0] < 2.0 * VOLTAGES[keys["kv"]].spacing_m
     )
     keys["position_m"] = box.centre_m.round(3).tolist()
-    yield Found(feature.place, keys, is_pole and "name" not in keys)
+    yield Found(feature.place, keys, is_pole)
 
 
 def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]) -> Iterator[Found | str]:
@@ -184,7 +190,8 @@ def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]
         yield Found(feature.place, {**keys, "position_m": box.centre_m.round(3).tolist(), **solid})
     else:
         ends_m = points_m if feature.shape == "LineString" else _axis(points_m)
-        if kind in RINGS and feature.shape == "Polygon" and not feature.is_turned:
+        is_ring = kind in RINGS or (kind in WALLS and oriented_box(points_m).size_m[1] > WIDEST_WALL_M)
+        if is_ring and feature.shape == "Polygon" and not feature.is_turned:
             ends_m = np.vstack([points_m, points_m[:1]])
         for start_m, end_m in pairwise(ends_m):
             length_m = round(float(np.linalg.norm(end_m - start_m)), 3)
@@ -217,7 +224,9 @@ def _with_poles_joined(found: list[Found]) -> tuple[list[Found], list[str]]:
     pairs = ((k, pair) for k, others in enumerate(near) for pair in combinations(sorted(j for j in others if j > k), 2))
     for trio in ((three_pole[k], three_pole[i], three_pole[j]) for k, (i, j) in pairs):
         first, *others = (found[k] for k in trio)
-        if used & set(trio) or any(first.keys[key] != each.keys[key] for each in others for key in ("kind", "kv")):
+        if used & set(trio) or any(
+            first.keys.get(key) != each.keys.get(key) for each in others for key in ("kind", "kv", "name")
+        ):
             continue
         places_m = np.array([found[k].keys["position_m"] for k in trio])
         apart_m = np.linalg.norm(places_m[:, np.newaxis] - places_m, axis=-1)
@@ -270,8 +279,13 @@ def _name_key(tags: Mapping[str, Any]) -> dict[str, str]:
 
 def _name(keys: Mapping[str, Any], taken: set[str]) -> str:
     """Return the name of a piece that has none: its kind and the first number that is free."""
-    number = 1
-    while f"{keys['kind']}_{number}" in taken:
-        number += 1
-    taken.add(name := f"{keys['kind']}_{number}")
+    taken.add(name := _free_name(keys["kind"], taken, 1))
     return name
+
+
+def _free_name(name: str, taken: Set[str], first: int = 2) -> str:
+    """Return a name and the first number that is free, from a given one on."""
+    number = first
+    while (numbered := f"{name[: MOST_LETTERS - 5]}_{number}") in taken:
+        number += 1
+    return numbered
