@@ -14,7 +14,7 @@ from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS, PORCELAIN, ROUND_MATERIALS
-from pdpatrol.sensing.radio.transmission import Sight
+from pdpatrol.sensing.radio.transmission import Sight, direct_transmissions
 from tests.robot_models.one_robot import YARD
 from tests.sensing.radio.crossing import cross, solids_of
 
@@ -110,3 +110,24 @@ def test_porcelain_transmits_its_share() -> None:
     sight = Sight(surroundings_of(YARD))
     left = sight(line(5.0, 20.0, 0.6), np.array([15.0, 20.0, 1.0])).item()
     assert left == pytest.approx(PORCELAIN.transmission, rel=0.001)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_transmission_turns_with_the_yard(seed: int) -> None:
+    """Only solids near a line are examined; the boxes around pieces, along the world axes, leave out no others."""
+    yard, rng = random_yard(seed, 12).yard, np.random.default_rng(seed)
+    still, turn_rad = surroundings_of(yard).obstacles, rng.uniform(0.2, 1.3)
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    rotation, turned = np.array([[cos, -sin], [sin, cos]]), still.copy()
+    for first, second in (("x", "y"), ("cos", "sin")):
+        turned[first], turned[second] = rotation @ np.array([still[first], still[second]])
+    places_m, targets_m = (
+        rng.uniform(0.0, [*yard.size_m, 4.0], (100, 3)),
+        rng.uniform(0.0, [*yard.size_m, 6.0], (20, 3)),
+    )
+    in_space = np.eye(3)
+    in_space[:2, :2] = rotation
+    before = [direct_transmissions(places_m, target_m, 0.0, still) for target_m in targets_m]
+    after = [direct_transmissions(places_m @ in_space.T, in_space @ target_m, 0.0, turned) for target_m in targets_m]
+    assert 0.2 < np.mean(np.array(before) < 1.0) < 0.95
+    np.testing.assert_allclose(after, before, atol=1e-6)
