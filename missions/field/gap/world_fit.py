@@ -37,9 +37,9 @@ UNEXPLAINED = 0.005 * 2.0 ** np.linspace(0.0, 6.0, 13)
 """Ratios of the pose errors to the stated ones, and relative errors of strengths that nothing explains, that are
 compared."""
 
-ROUNDS, FIRST_ROUNDS, DAMPING = 12, 5, (0.0, 0.01, 0.1, 1.0, 10.0)
-"""Number of times that the model is linearised and fitted again, of these with the errors as stated, and damping of the
-steps that are tried, relative to the diagonal of the information (assumed)."""
+ROUNDS, DAMPING, N_POSES = 8, (0.0, 0.01, 0.1, 1.0, 10.0), 12
+"""Number of times that the model is linearised and fitted again, damping of the steps that are tried, relative to the
+diagonal of the information, and number of poses that are tried for each step of the drive (assumed)."""
 
 N_AXES, AXIS_RADII, N_AROUND = 120, (0.12, 0.06), 6
 """Directions of polarisation from which the fit may start: number over half a sphere, then distances from the best of
@@ -84,7 +84,8 @@ class _Linear(NamedTuple):
         residual: As in `WorldFit`.
         slope: Derivatives of the simulated strengths as compared, shape (n_groups, n_elements, n_states). Levels have
             none by the pose: they ripple within centimetres.
-        curved: Change of these by the curvature for pose errors as stated, shape (3, n_groups, n_elements).
+        curved: Covariance of their errors by the curvature for pose errors as stated, shape (n_groups, n_elements,
+            n_elements).
     """
 
     simulated: FloatArray
@@ -169,6 +170,8 @@ class DriveFit:
         for k in range(3):
             for states, name in ((places, "place"), (axes, "axis")):
                 is_at_site = self._is_at_site & (name == "place")
+                if is_at_site.all():
+                    continue
                 more, less = both(states[k::3][~is_at_site], STEPS[name])
                 slope[row, :, states[3 * groups.source + k]] = (more - less) / (2 * STEPS[name])
         slope[row, :, level[groups.source]] = groups.unit
@@ -181,23 +184,23 @@ class DriveFit:
             slope[:, channel, states] += of_channel
         more, less = both(width, STEPS["width"])
         slope[:, :, width[0]] = (more - less) / (2 * STEPS["width"])
-        curved = np.zeros((3, *here.shape))
+        curved = np.zeros((*here.shape, self._n))
         for k, std in enumerate(np.maximum(self._pose_std, 1e-6)):
             more, less = both(np.arange(self._sizes[-1] + k, state.size, 3), std)
             slope[row, :, self._sizes[-1] + 3 * groups.step + k] = (more - less) / (2 * std)
-            curved[k] = 0.5 * (more + less - 2 * here)
+            bend = 0.5 * (more + less - 2 * here)
+            curved += np.einsum("gi,gj->gij", bend, bend)
         by_pose = slope[:, :, self._sizes[-1] :]
         by_pose -= groups.unit[:, :, np.newaxis] * np.einsum("gi,gis->gs", groups.unit, by_pose)[:, np.newaxis]
         return _Linear(simulated, groups.unit - here, slope, curved)
 
-    def _errors(self, linear: _Linear, unexplained: float) -> FloatArray:
+    def _errors(self, residual: FloatArray, unexplained: float) -> FloatArray:
         """Return the covariance of the residuals of each group, shape (n_groups, n_elements, n_elements)."""
-        curved = np.einsum("kgi,kgj->gij", linear.curved, linear.curved)
         own = np.einsum("gij,ij->gij", self._along, np.eye(self._n))
-        off2 = np.square(np.einsum("gi,gi->g", self._groups.unit, linear.residual))
+        off2 = np.square(np.einsum("gi,gi->g", self._groups.unit, residual))
         level2 = UNEXPLAINED_LEVEL**2 + np.maximum(off2 - (FAR_OFF * UNEXPLAINED_LEVEL) ** 2, 0.0)
-        across2 = np.maximum(np.square(linear.residual).sum(axis=1) - off2 - FAR_ACROSS**2, 0.0)
-        explained = self._noise + curved + unexplained**2 * own + across2[:, np.newaxis, np.newaxis] * np.eye(self._n)
+        across2 = np.maximum(np.square(residual).sum(axis=1) - off2 - FAR_ACROSS**2, 0.0)
+        explained = self._noise + unexplained**2 * own + across2[:, np.newaxis, np.newaxis] * np.eye(self._n)
         return explained + level2[:, np.newaxis, np.newaxis] * self._along
 
     def _start(self, ground: GroundName) -> tuple[FloatArray, FloatArray]:
@@ -240,21 +243,21 @@ class DriveFit:
 
     def solve(self, ground: GroundName) -> WorldFit:
         """Fit all states, the ratio of the pose errors and the unexplained errors."""
-        ratio, unexplained = 1.0, 0.1
+        ratio, unexplained, rng = 1.0, 0.1, np.random.default_rng(0)
         state, self._global_covariance = self._start(ground)
         mean = np.zeros(state.size)
         mean[: self._sizes[0]] = state[: self._sizes[0]]
         linear, best = self._linearise(state, ground), None
-        for number in range(ROUNDS):
+        for _ in range(ROUNDS):
             state = self._advance(linear, state, mean, ground, ratio, unexplained)
+            state = self._try_poses(state, ground, ratio, unexplained, rng)
             linear = self._linearise(state, ground)
-            if number >= FIRST_ROUNDS:
-                density, log_evidence = self._weigh(linear, state - mean)
-                ratio = float(np.exp(density.sum(axis=1) @ np.log(RATIOS)))
-                unexplained = float(np.exp(density.sum(axis=0) @ np.log(UNEXPLAINED)))
-                if best is None or log_evidence > best.log_evidence:
-                    covariance, _ = self._step(linear, state - mean, ratio, unexplained)
-                    best = self._result(ground, linear, state, covariance, density, log_evidence)
+            density, log_evidence = self._weigh(linear, state - mean)
+            ratio = float(np.exp(density.sum(axis=1) @ np.log(RATIOS)))
+            unexplained = float(np.exp(density.sum(axis=0) @ np.log(UNEXPLAINED)))
+            if best is None or log_evidence > best.log_evidence:
+                covariance, _ = self._step(linear, state - mean, ratio, unexplained)
+                best = self._result(ground, linear, state, covariance, density, log_evidence)
         assert best is not None
         return best
 
@@ -287,19 +290,56 @@ class DriveFit:
         self, linear: _Linear, state: FloatArray, mean: FloatArray, ground: GroundName, ratio: float, unexplained: float
     ) -> FloatArray:
         """Return the state after the Levenberg-Marquardt step of least cost, or the state if none decreases it."""
-        weight, prior = np.linalg.inv(self._errors(linear, unexplained)), np.linalg.inv(self._prior(ratio))
+        prior = np.linalg.inv(self._prior(ratio))
 
-        def cost(at: FloatArray, residual: FloatArray) -> float:
-            misfit = np.einsum("gi,gij,gj->g", residual, weight, residual)
-            return float(misfit.sum() + (at - mean) @ prior @ (at - mean))
+        def cost(at: FloatArray) -> float:
+            return float(self._misfits(at, ground, unexplained).sum() + (at - mean) @ prior @ (at - mean))
 
-        best, least = state, cost(state, linear.residual)
+        best, least = state, cost(state)
         for damping in DAMPING:
             tried = state + self._step(linear, state - mean, ratio, unexplained, damping)[1]
-            now = cost(tried, self._groups.unit - self._compared(self._simulate(tried, ground)))
+            now = cost(tried)
             if now < least:
                 best, least = tried, now
         return best
+
+    def _try_poses(
+        self, state: FloatArray, ground: GroundName, ratio: float, unexplained: float, rng: np.random.Generator
+    ) -> FloatArray:
+        """Return the state after trying poses, each drawn from its prior given the others.
+
+        A step of `_advance` ends where another path becomes the strongest, as at the edge of a shadow. Poses that stay
+        beyond it need large errors, which would make those of all poses seem larger.
+        """
+        n_steps, row, known = len(self._pose), np.arange(len(self._pose)), self._sizes[-1]
+        precision = np.linalg.inv(ratio**2 * self._pose_covariance)
+        own = precision.reshape(n_steps, 3, n_steps, 3)[row, :, row]
+        covariance = np.linalg.inv(own)
+        root, misfit = np.linalg.cholesky(covariance), self._misfits(state, ground, unexplained)
+        for _ in range(N_POSES):
+            off = state[known:].reshape(-1, 3)
+            mean = off - np.einsum("sij,sj->si", covariance, (precision @ off.ravel()).reshape(-1, 3))
+            drawn = mean + np.einsum("sij,sj->si", root, rng.standard_normal(off.shape))
+            by_drawn = self._misfits(np.append(state[:known], drawn), ground, unexplained)
+            apart = np.stack([off, drawn]) - mean
+            far, far_drawn = np.einsum("ksi,sij,ksj->ks", apart, own, apart)
+            is_better = by_drawn + far_drawn < misfit + far
+            mixed = np.where(is_better[:, np.newaxis], drawn, off).ravel()
+            by_mixed = np.where(is_better, by_drawn, misfit)
+            if by_mixed.sum() + mixed @ precision @ mixed < misfit.sum() + off.ravel() @ precision @ off.ravel():
+                state, misfit = np.append(state[:known], mixed), by_mixed
+        return state
+
+    def _misfits(self, state: FloatArray, ground: GroundName, unexplained: float) -> FloatArray:
+        """Return -2 times the log density of the strengths of each step without curvature, shape (n_steps,)."""
+        residual = self._groups.unit - self._compared(self._simulate(state, ground))
+        errors = self._errors(residual, unexplained)
+        whitened = np.linalg.solve(errors, residual[:, :, np.newaxis])[:, :, 0]
+        of_group = np.einsum("gi,gi->g", residual, whitened) + np.linalg.slogdet(errors)[1]
+        return np.bincount(self._groups.step, of_group, len(self._pose))
+
+    def _covariance(self, linear: _Linear, unexplained: float) -> FloatArray:
+        return self._errors(linear.residual, unexplained) + linear.curved
 
     def _prior(self, ratio: float) -> FloatArray:
         return block_diag(self._global_covariance, ratio**2 * self._pose_covariance)
@@ -308,7 +348,7 @@ class DriveFit:
         self, linear: _Linear, off: FloatArray, ratio: float, unexplained: float, damping: float = 0.0
     ) -> tuple[FloatArray, FloatArray]:
         """Return the covariance of the states, and the damped Gauss-Newton step from a state `off` its prior mean."""
-        weight = np.linalg.inv(self._errors(linear, unexplained))
+        weight = np.linalg.inv(self._covariance(linear, unexplained))
         weighted = np.einsum("gij,gjs->gis", weight, linear.slope)
         prior = np.linalg.inv(self._prior(ratio))
         information = np.einsum("gis,git->st", linear.slope, weighted, optimize=True) + prior
@@ -328,16 +368,17 @@ class DriveFit:
         from_mean = linear.residual.ravel() + slope @ off
         n = self._sizes[-1]
         fixed = slope[:, :n] @ self._global_covariance @ slope[:, :n].T
-        by_pose = slope[:, n:] @ self._pose_covariance @ slope[:, n:].T
+        by_pose = slope[:, n:] @ np.linalg.cholesky(self._pose_covariance)
         log_density = np.empty((RATIOS.size, UNEXPLAINED.size))
         for j, unexplained in enumerate(UNEXPLAINED):
-            root = np.linalg.cholesky(fixed + block_diag(*self._errors(linear, unexplained)))
-            inverse = solve_triangular(root, np.eye(len(root)), lower=True)
-            values, vectors = np.linalg.eigh(inverse @ by_pose @ inverse.T)
-            square = np.square(vectors.T @ inverse @ from_mean)
-            grown = 1.0 + np.multiply.outer(np.square(RATIOS), np.maximum(values, 0.0))
-            log_det = 2.0 * np.log(np.diag(root)).sum() + np.log(grown).sum(axis=1)
-            log_density[:, j] = -0.5 * ((square / grown).sum(axis=1) + log_det)
+            root = np.linalg.cholesky(fixed + block_diag(*self._covariance(linear, unexplained)))
+            white = solve_triangular(root, np.column_stack([from_mean, by_pose]), lower=True)
+            values, vectors = np.linalg.eigh(white[:, 1:].T @ white[:, 1:])
+            along = np.square(vectors.T @ white[:, 1:].T @ white[:, 0])
+            grown = np.square(1.0 / RATIOS)[:, np.newaxis] + np.maximum(values, 0.0)
+            square = white[:, 0] @ white[:, 0] - (along / grown).sum(axis=1)
+            log_det = 2.0 * (np.log(np.diag(root)).sum() + values.size * np.log(RATIOS)) + np.log(grown).sum(axis=1)
+            log_density[:, j] = -0.5 * (square + log_det)
         top = log_density.max()
         density = np.exp(log_density - top)
         return density / density.sum(), float(top + np.log(density.mean()))
