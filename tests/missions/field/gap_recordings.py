@@ -64,7 +64,7 @@ def record(path: Path, seed: int, planted: Planted, n_poses: int = 50) -> FloatA
         update={"noise_v": scenario.receiver.noise_v * 10 ** (planted.noise_db / 20)}
     )
     rows: list[list[float]] = []
-    for step, pose in enumerate(_poses(scenario, n_poses, rng)):
+    for step, pose in enumerate(loop_poses(scenario, n_poses, rng)):
         detected = listen_once(receiver, array, scene, rng, world_from_array=level_transform(pose), duration_s=1.0)
         pulses = detected.pulses.take(~detected.pulses.is_overdriven)
         measured = pose + rng.normal(0.0, planted.pose_ratio * scenario.pose_sensor.std)
@@ -93,7 +93,7 @@ def _direction(rng: np.random.Generator) -> FloatArray:
     return axis / np.linalg.norm(axis)
 
 
-def _poses(scenario: Scenario, n: int, rng: np.random.Generator) -> FloatArray:
+def loop_poses(scenario: Scenario, n: int, rng: np.random.Generator) -> FloatArray:
     """Return true poses along a loop around the equipment, off any obstacle, shape (n, 3)."""
     angle = rng.uniform(0, 2 * np.pi) + np.linspace(0.0, 2 * np.pi, n, endpoint=False)
     radius = 1.0 + 0.15 * np.sin(2 * angle + rng.uniform(0, 6.3)) + rng.normal(0, 0.03, n)
