@@ -24,11 +24,11 @@ MIDDLE, DRAWN_COLOURS = (slice(150, 450), slice(150, 800)), 400
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with two missions, their reports and their trend."""
+    """Return a folder with two missions, in each of which a finding is confirmed, their reports and their trend."""
     folder = tmp_path_factory.mktemp("browser") / "schöne Missionen 1"
     for date in ("2026-03-02", "2026-03-09"):
         (folder / date).mkdir(parents=True)
-        write_mission(short_mission(45.0, date=date), 0.0, folder / date)
+        write_mission(short_mission(60.0, date=date), 0.0, folder / date)
     done = pdpatrol("trend", "2026-03-02", "2026-03-09", "--out", "trend", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder
