@@ -31,7 +31,7 @@ def kept(*tracks: Track) -> set[int]:
 
 
 def test_tracks_of_one_place_become_one() -> None:
-    """The first remains, or the confirmed one, and tracks farther apart remain both."""
+    """Keep the first, or the confirmed one, and both if they are farther apart."""
     assert kept(track_at(4.0, 1), track_at(4.0 + 0.9 * MERGE_M, 2)) == {1}
     assert kept(track_at(4.0, 1), track_at(4.0 + 0.9 * MERGE_M, 2, confirmed_s=9.0)) == {2}
     assert kept(track_at(4.0, 1), track_at(4.0 + 1.1 * MERGE_M, 2)) == {1, 2}

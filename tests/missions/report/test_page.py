@@ -36,7 +36,7 @@ def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
 
 
 def test_finding_in_a_yard_without_equipment_has_its_picture() -> None:
-    """The open yard of the learning example has no pieces that could hide a finding or be near it."""
+    """Draw the open yard of the learning example, where no pieces could hide a finding or be near it."""
     yard = Path(__file__).parents[3] / "examples" / "learning" / "open_yard.toml"
     report, page = report_and_page(run_mission(load_scenario(yard), "seek", seed=5))
     assert [finding.asset for finding in report.findings] == [None]

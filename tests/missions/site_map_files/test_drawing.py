@@ -190,7 +190,7 @@ def test_mirrored_block_keeps_its_y_axis(tmp_path: Path) -> None:
 
 
 def test_hidden_entities_are_listed(tmp_path: Path) -> None:
-    """Layers that are off or frozen, and invisible entities, are no part of the yard."""
+    """Leave out layers that are off or frozen, and invisible entities."""
     drawing = autocad()
     drawing.layers.add("OLD").off()
     drawing.layers.add("FENCE_PLANNED").freeze()

@@ -126,7 +126,7 @@ def test_fence_of_a_drawing_keeps_its_corners(tmp_path: Path) -> None:
 
 
 def test_fence_of_a_drawing_around_most_features_is_the_outline(tmp_path: Path) -> None:
-    """A closed fence within one of open lines is equipment; ends that differ by rounding close a line."""
+    """Read a closed fence within one of open lines as equipment; ends that differ by rounding close a line."""
     drawing = new("R2018", units=6)
     space = drawing.modelspace()
     for start, end in zip(FENCE_M, FENCE_M[1:] + FENCE_M[:1], strict=True):

@@ -137,7 +137,7 @@ def test_equal_names_are_numbered(tmp_path: Path) -> None:
 
 
 def test_closed_walls_stand_on_their_sides(tmp_path: Path) -> None:
-    """A wall around the yard has four parts; a narrow area is a straight wall."""
+    """Divide a wall around the yard into four parts; a narrow area is a straight wall."""
     around = area(40.0, 30.0, 70.0, 50.0, barrier="wall")
     _, yard, notes = import_site(written(tmp_path, OUTLINE, around, area(30.0, 20.0, 10.0, 0.4, barrier="wall")))
     assert notes == []
