@@ -132,6 +132,9 @@ class RecordTable:
 
     def _take_header(self, names: list[str], delimiter: str) -> None:
         """Start the table with the first header; later ones say in which cells its columns are from now on."""
+        n_cells = len(names)
+        while names and not names[-1]:  # separators at the end of all lines
+            names.pop()
         if not self.columns:
             self._start(names)
         missing = [name for name in self.columns if name not in names]
@@ -141,7 +144,7 @@ class RecordTable:
             text = f"without {', '.join(missing)}: its records are left out" if missing else "its records are used"
             ignored = f", without {', '.join(others)}" if others and not missing else ""
             self._report(f"header changed to {', '.join(names):.120}: {text}{ignored}")
-        self._layout, self._n_cells, self._delimiter = layout, len(names), delimiter
+        self._layout, self._n_cells, self._delimiter = layout, n_cells, delimiter
 
     def _start(self, names: list[str]) -> None:
         """Check the names of the columns and write them, unless the table exists."""

@@ -12,6 +12,10 @@ from pdpatrol.missions.field.input_table import read_table
 SPOT_M = 0.5
 """Distance within which the robot counts as turning on the spot (assumed)."""
 
+LEAST_CHANGE_DB = 2.0
+"""Change of the levels below which they show no pattern. Assumed; receivers measure less than two volts, so that levels
+in volts are refused."""
+
 
 def learn_from_turns(
     path: Path, source_m: FloatArray, boresight_rad: FloatArray, passes: int
@@ -45,6 +49,9 @@ def learn_from_turns(
     yaw_rad = np.radians(table.numbers(-1e5, 1e5, "yaw_deg")[:, 0])
     level_db = table.numbers(-300.0, 300.0, *names)
     table.check()
+    if (change_db := np.ptp(level_db)) < LEAST_CHANGE_DB:
+        must = f"levels must be decibels and change by at least {LEAST_CHANGE_DB:g} dB, as a directional antenna turns"
+        raise InputFileError([f"{path}: {must}, got {change_db:.2g} dB; volts are converted by 20 log10(V)"])
     towards_m = source_m - place_m
     if (nearest_m := np.linalg.norm(towards_m, axis=1).min()) < SPOT_M:
         raise InputFileError([f"{path}: must keep {SPOT_M:g} m from the emitter, got {nearest_m:.2f} m; --source-m?"])

@@ -150,6 +150,10 @@ MISTAKES: dict[str, Callable[[DrawnSurvey, np.random.Generator], DrawnSurvey]] =
     "millimetres": lambda survey, _: survey.changed(x_m=1e3 * survey.table.x_m, y_m=1e3 * survey.table.y_m),
     "degrees": _with_degrees,
     "decibels": _with_decibels,
+    "exchanged": lambda survey, _: survey.changed(x_m=survey.table.y_m, y_m=survey.table.x_m),
+    "north and east": lambda survey, _: survey.changed(
+        x_m=survey.table.y_m, y_m=survey.table.x_m, yaw_deg=(90.0 - survey.table.yaw_deg) % 360.0
+    ),
     "order reversed": lambda survey, _: _with_order(survey, np.arange(6)[::-1]),
     "order rotated": lambda survey, rng: _with_order(survey, np.roll(np.arange(6), rng.integers(1, 6))),
     "pattern upside down": lambda survey, _: _with_pattern(survey, 0.0, -1.0),

@@ -22,6 +22,8 @@ CAUSES = {
     "millimetres": "millimetres",
     "degrees": "longitude and latitude",
     "decibels": "decibels",
+    "exchanged": "x_m and y_m may be exchanged:",
+    "north and east": "x_m and y_m may be exchanged, and yaw_deg compass headings",
     "order reversed": "another order",
     "order rotated": "another order|turned by about",
     "pattern upside down": "attenuation as gain",
@@ -73,6 +75,14 @@ def test_degrees_with_compass_headings_are_named_together(tmp_path: Path) -> Non
     note, *_ = notes_on(MISTAKES["degrees"](MISTAKES["compass"](example(), rng), rng), tmp_path)
     assert note.startswith("x_m and y_m may be longitude and latitude in degrees, and yaw_deg compass headings")
     assert note.endswith("convert them to metres east and north, and use --heading compass")
+
+
+def test_saturated_channel_is_doubted(tmp_path: Path) -> None:
+    """Rounded strengths, whose largest occur less often than smaller ones, are not doubted."""
+    strength_v = example().table.strength_2
+    (note,) = notes_on(example().changed(strength_2=strength_v.clip(upper=strength_v.quantile(0.6))), tmp_path)
+    assert note.startswith("channel 2 may be saturated: 34 pulses have exactly its largest strength")
+    assert notes_on(example().changed(**example().table[STRENGTHS].round(3)), tmp_path) == []
 
 
 @pytest.mark.parametrize("heading", ["compass", "clockwise"])

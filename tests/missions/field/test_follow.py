@@ -65,6 +65,12 @@ def test_pieces_and_kills_of_the_reader_change_nothing(tmp_path: Path, seed: int
     assert stored_is(tmp_path, ROWS)
 
 
+def test_separators_at_the_end_of_all_lines_are_read(tmp_path: Path) -> None:
+    data = "\n".join([f"{line.replace(',', ';')};" for line in (HEADER, *ROWS)] + [""]).encode()
+    assert feed(tmp_path, data, [100]) == []
+    assert stored_is(tmp_path, ROWS)
+
+
 def test_unusable_records_are_one_line_each(tmp_path: Path) -> None:
     lines = [
         HEADER,

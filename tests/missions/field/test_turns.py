@@ -60,6 +60,15 @@ def test_turns_that_show_no_pattern_are_refused(
         learn_from_turns(path, np.array(source_m), np.zeros(1), 1)
 
 
+def test_levels_in_volts_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "turns.csv"
+    path.write_text("\n".join(["x_m,y_m,yaw_deg,level_1", *(f"0,0,{k},{0.01 + 1e-3 * k}" for k in range(360))]))
+    with pytest.raises(
+        InputFileError, match=r"levels must be decibels and change by at least 2 dB.*, got 0.36 dB; volts"
+    ):
+        learn_from_turns(path, np.array([10.0, 0.0]), np.zeros(1), 1)
+
+
 def test_spread_of_a_single_turn_is_unknown(tmp_path: Path) -> None:
     out = tmp_path / "pattern.csv"
     calibrate(write_turn(tmp_path / "turns.csv", 360), source_m=(10.0, 0.0), out_file=out)
