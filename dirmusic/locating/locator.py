@@ -131,10 +131,10 @@ class Detections(NamedTuple):
 class Locator:
     """Locator by expectation maximisation over all pulses of a mission.
 
-    Every `refit_s`, it associates all pulses with the tracks (E step), initiates a track where unexplained pulses
-    cross, fits positions and array if the association has changed (M step), merges tracks of one place, and updates
-    the probability that each exists. The states of the array and the error levels are fitted together with confirmed
-    sources, or with the likeliest candidate while none is confirmed.
+    Every `refit_s`, or less often later, it associates all pulses with the tracks (E step), initiates a track where
+    unexplained pulses cross, fits positions and array if the association has changed (M step), merges tracks of one
+    place, and updates the probability that each exists. The states of the array and the error levels are fitted
+    together with confirmed sources, or with the likeliest candidate while none is confirmed.
 
     Args:
         array: The array's data sheet and spread, and its errors if they are known.
@@ -174,13 +174,16 @@ class Locator:
         self._window: IntArray = np.empty(0, dtype=np.intp)
         self._is_tried: BoolArray = np.empty(0, dtype=np.bool_)
         self._n_unexplained = np.zeros(2)  # pulses that no source explains, and those that multipath explains
-        self._n_initiated, self._n_checked, self._next_fit_s = 0, 0, -np.inf
+        self._n_initiated, self._n_checked = 0, 0
+        self._first_fit_s, self._next_fit_s = np.inf, -np.inf
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
         """Add the pulses that were detected at one pose, and return all current findings; see `LocatorProtocol`."""
         self._pool.add(time_s, pose, pulses)
         if time_s >= self._next_fit_s and (pulses.n_pulses or self._tracks):
-            self._next_fit_s = time_s + self.rules.refit_s
+            self._first_fit_s = min(self._first_fit_s, time_s)
+            since_s = time_s - self._first_fit_s
+            self._next_fit_s = time_s + max(self.rules.refit_s, self.rules.refit_share * since_s)
             self._renew(time_s, rounds=1)
         return self.findings
 

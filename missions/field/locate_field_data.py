@@ -45,8 +45,9 @@ from pdpatrol.robot_models.world import describe_equipment
 from pdpatrol.sensing import ArrayConfig, ElementConfig
 from pdpatrol.sensing.radio.transmission import Sight
 
-FIELD_RULES = LocatingRules(refit_s=np.inf)
-"""Rules for data recorded by people, which are refitted when `locate_field_data` decides."""
+TABLE_RULES = LocatingRules(refit_share=0.02)
+"""Rules for a complete table. Its fits become rarer (assumed): often enough that a new source becomes one finding and
+not several, and a few hundred in a survey of several hours."""
 
 USUAL_CHANNELS = (4, 6)
 """Numbers of channels of the default array: a ring of six, or its first four."""
@@ -96,7 +97,7 @@ class FieldLocator:
         data: First data of the survey, from which the channels of the array and the bounds of the log are taken; they
             are not located yet.
         survey: Array, poses, yard and date.
-        rules: Rules of the Locator. If they have no time between fits, all is refitted at times that become rarer.
+        rules: Rules of the Locator.
         margin_m: Width of the margin that the log shows around the poses of `data`, if the yard is not given.
 
     Attributes:
@@ -108,7 +109,7 @@ class FieldLocator:
     """
 
     def __init__(
-        self, data: FieldData, survey: SurveyOptions, rules: LocatingRules = FIELD_RULES, margin_m: float = 10.0
+        self, data: FieldData, survey: SurveyOptions, rules: LocatingRules = TABLE_RULES, margin_m: float = 10.0
     ) -> None:
         array = array_model(data, survey)
         self.data_sheet = array.manifold
@@ -138,20 +139,22 @@ class FieldLocator:
         self._monitor = ChannelMonitor(array, maximum_likelihood)
         self._locator = Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
         self._tracker = Tracker(self.log, self._locator, array, pose_error, rules.max_std_rad)
-        self._is_refitted = np.isinf(rules.refit_s)
-        self._start_s, self._due_s, self._refitted_step, self._n_clipped = np.inf, np.inf, 0, 0
+        self._n_clipped = 0
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Findings so far."""
         return self._tracker.findings
 
-    def add(self, data: FieldData, progress: Callable[[float], None] = lambda share: None) -> None:
+    def add(
+        self, data: FieldData, progress: Callable[[float], None] = lambda share: None, *, is_end: bool = False
+    ) -> None:
         """Locate with the next steps of the survey.
 
         Args:
             data: Pulses with their poses, in the channels of the first data.
             progress: Called with the share of the steps that was located since the last call.
+            is_end: Fit all pulses again with those of the last step.
         """
         with threadpool_limits(limits=1):
             pulses, suspects = self._monitor.watch(data.pulses)
@@ -161,7 +164,8 @@ class FieldLocator:
             self._n_clipped += np.count_nonzero(pulses.is_overdriven)
             first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
             for step, (time_s, pose) in enumerate(zip(data.time_s.tolist(), data.pose, strict=True)):
-                self._add_step(time_s, pose, pulses.take(slice(first[step], first[step + 1])))
+                of_step = pulses.take(slice(first[step], first[step + 1]))
+                self._add_step(time_s, pose, of_step, is_last=is_end and step == data.time_s.size - 1)
                 progress(1.0 / data.time_s.size)
 
     def catch_up(self, data: FieldData) -> None:
@@ -173,9 +177,9 @@ class FieldLocator:
         finally:
             self._locator.rules = rules
         with threadpool_limits(limits=1):
-            self._refit(float(data.time_s[-1]))
+            self._tracker.refit(float(data.time_s[-1]))
 
-    def _add_step(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
+    def _add_step(self, time_s: float, pose: FloatArray, pulses: PulseBatch, *, is_last: bool) -> None:
         no_pose = np.full(3, np.nan)
         self.log.append(
             "step",
@@ -188,24 +192,11 @@ class FieldLocator:
             phase="field",
             phase_target=0,
         )
-        self._tracker.track(time_s, pose, pulses)
-        if self.log.n_rows("step") == 1:  # in the first step, `track` fits
-            self._start_s, self._due_s = time_s, time_s + 1.0
-        elif self._is_refitted and time_s >= self._due_s:
-            self._refit(time_s)
-
-    def _refit(self, time_s: float) -> None:
-        self._tracker.refit(time_s)
-        self._refitted_step = self.log.last_step
-        # Assumed; often enough that a new source becomes one finding and not several, and a survey of several
-        # hours is refitted only a few hundred times.
-        self._due_s = time_s + max(1.0, 0.02 * (time_s - self._start_s))
+        self._tracker.track(time_s, pose, pulses, is_last=is_last)
 
     def finish(self) -> MissionLog:
-        """Fit all pulses again and complete the log; at least one step must have been added."""
+        """Complete the log; at least one step must have been added."""
         with threadpool_limits(limits=1):
-            if self._refitted_step < self.log.last_step:
-                self._refit(float(self.log.column("step", "time_s", self.log.last_step)[0]))
             n_pulses, n_used = self.log.n_rows("pulse"), self.log.n_rows("bearing")
             if n_pulses and not n_used:
                 self.log.event(
@@ -241,7 +232,7 @@ def locate_field_data(
     locator = FieldLocator(data, survey)
     for note in (*data.notes, *doubts(data, locator.data_sheet, survey)):
         locator.log.event("note", note)
-    locator.add(data, progress)
+    locator.add(data, progress, is_end=True)
     return locator.finish()
 
 

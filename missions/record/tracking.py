@@ -75,7 +75,15 @@ class Tracker:
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
 
-    def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch, frame: FrameEstimate | None = None) -> None:
+    def track(
+        self,
+        time_s: float,
+        pose: FloatArray,
+        pulses: PulseBatch,
+        frame: FrameEstimate | None = None,
+        *,
+        is_last: bool = False,
+    ) -> None:
         """Locate with the pulses of one step.
 
         Args:
@@ -83,6 +91,7 @@ class Tracker:
             pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
             pulses: Pulses with their directions.
             frame: Error of the frame of the poses against the map; None without a map.
+            is_last: Fit all pulses again with those of this step.
         """
         self._frame = frame
         is_clipped = pulses.is_overdriven
@@ -90,6 +99,8 @@ class Tracker:
         used, first = pulses if is_used.all() else pulses.take(is_used), self._log.n_rows("pulse")
         with self._calling(FINDINGS):
             findings = self._locator.update(time_s, pose.copy(), used)
+            if is_last:
+                findings = self._locator.refit(time_s)
         if is_clipped.any():
             self._log_once("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
         self._log.extend(
@@ -122,7 +133,7 @@ class Tracker:
             self._log_once("calibration", text)
 
     def refit(self, time_s: float) -> None:
-        """Fit all pulses again, after the last one of the mission."""
+        """Fit all pulses again; the last step must not have been fitted."""
         with self._calling(FINDINGS):
             findings = self._locator.refit(time_s)
         self._update_findings(findings)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from dirmusic import ArrayModel, Finding, Locator, PulseBatch
 from dirmusic.arrays import FloatArray
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.protocol import LineOfSight
+from dirmusic.locating.rules import LocatingRules
 from tests.dirmusic.locating.forward_model import ARRAY, POSE_ERROR, Nature, drawn_errors, modelled
 from tests.dirmusic.scenes import around, rotation
 
@@ -92,6 +94,16 @@ def test_source_is_located_and_confirmed(seed: int) -> None:
     assert finding.state == "confirmed"
     assert finding.existence > 0.99
     assert np.linalg.norm(finding.position_m[:2] - SOURCE_M[:2]) < 0.1
+
+
+def test_rarer_fits_end_with_the_same_position() -> None:
+    """With fits that become rarer, findings change less often, and the last fit uses all pulses."""
+    added = detections(path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 120), SOURCE_M[np.newaxis], 0)
+    of_each, of_few = (listen(added, rules=LocatingRules(refit_share=share)) for share in (0.0, 0.3))
+    n_changes = [sum(old != new for old, new in pairwise(history[:-1])) for _, history in (of_each, of_few)]
+    assert n_changes[1] < 0.4 * n_changes[0]
+    (few,), (each,) = confirmed(of_few[0]), confirmed(of_each[0])
+    np.testing.assert_allclose(few.position_m[:2], each.position_m[:2], atol=0.02)
 
 
 @pytest.mark.whole
