@@ -27,10 +27,10 @@ UNITS = {
 }  # fmt: skip
 """Units by the end of a key, the longest first."""
 
-KEYS_INTRODUCTION = """# Keys of a scenario
+KEYS_INTRODUCTION = """# Scenario keys
 
 Every table and key of a scenario file, made from its [JSON Schema](../schemas/scenario.md). *None* means that nothing
-is set; the meaning says what follows. [Scenarios](../scenarios.md) has examples.
+is set; the meaning says what follows. [Scenario settings](../scenarios.md) has examples.
 
 """
 COMMANDS_INTRODUCTION = """# Commands

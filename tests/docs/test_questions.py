@@ -1,13 +1,17 @@
 """Ten questions of newcomers are answered within two clicks of the first page."""
 
 import re
+import tomllib
 from typing import NamedTuple
 
 import pytest
 
+from dirmusic import ESTIMATORS
+from pdpatrol.missions.policies.make_policy import BUILT_IN
 from tests.docs.site import ROOT
 
 DOCS = ROOT / "docs"
+MENU = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))["project"]["nav"]
 
 
 class Answer(NamedTuple):
@@ -24,7 +28,7 @@ QUESTIONS = {
     "how accurate": Answer("answers.md", "how-accurate-is-it", "How accurate is it?"),
     "my antenna": Answer("how-to/antenna.md", "", "Use your own array"),
     "my yard": Answer("how-to/yard.md", "", "Build your own yard"),
-    "my data": Answer("how-to/locate.md", "", "Field data"),
+    "my data": Answer("how-to/locate.md", "", "Use your own data"),
     "a policy trained, run and watched": Answer(
         "how-to/training.md", "run-and-watch-the-trained-policy", "Run and watch the trained policy"
     ),
@@ -66,6 +70,30 @@ def test_question_is_answered_within_two_clicks(question: str) -> None:
     assert headings_of(page)[anchor].startswith(heading)
 
 
+def test_menu_names_each_page_by_its_heading() -> None:
+    """The heading may continue after a colon; the first page has the name of the project."""
+    entries = [
+        item for each in MENU for value in each.values() for item in (value if isinstance(value, list) else [each])
+    ]
+    pages = {page: name for entry in entries for name, page in entry.items() if page != "index.md"}
+    assert len(pages) > 30
+    assert {page: headings_of(page)[""].split(":")[0] for page in pages} == pages
+
+
 def test_every_link_of_the_first_page_has_its_heading() -> None:
     assert [link for link in links_of("index.md") if link[1] not in headings_of(link[0])] == []
     assert (DOCS / "index.md").read_text(encoding="utf-8").count("](") > 15
+
+
+@pytest.mark.parametrize(
+    ("file", "estimator", "policy"),
+    [
+        ("README.md", r"`\[estimator\] method`", "`--policy`"),
+        ("docs/index.md", "bearing estimator", "policy"),
+    ],
+)
+def test_tables_of_parts_list_all_that_are_built_in(file: str, estimator: str, policy: str) -> None:
+    text = (ROOT / file).read_text(encoding="utf-8")
+    for part, built_in in ((estimator, ESTIMATORS), (policy, BUILT_IN)):
+        (cell,) = re.findall(rf"^\| {part} \| (.*?) \|", text, flags=re.MULTILINE)
+        assert set(built_in) <= set(re.findall(r"`([\w.]+)`", cell))
