@@ -56,7 +56,7 @@ def _row(finding: FindingRecord) -> ClosingRow:
     assert advice is not None  # of a confirmed finding
     due = f"by {advice.due}" if advice.due else f"within {advice.within_days} days"
     return ClosingRow(
-        what=f"Finding {finding.id}, exists {existence_text(finding)}",
+        what=f"Finding {finding.id}, probability {existence_text(finding)}",
         where=f"{site_text(finding)}, 95 % within {finding.ellipse95.semi_major_m:.2f} m",
         kind=kind_text(finding),
         when=f"Severity {advice.severity}, act {due}",
