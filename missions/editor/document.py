@@ -124,8 +124,8 @@ def _edited(text: str, edit: Edit) -> str:
         _apply(expected, edit, value.unwrap())
         new = _rewritten(text, edit, value)
         outcome = tomllib.loads(new)
-        if edit.operation == "remove" and isinstance(edit.path[-1], int):  # the last table of its name may be gone
-            _at(outcome, edit.path[:-2]).setdefault(edit.path[-2], [])
+        if edit.operation == "remove" and isinstance(edit.path[-1], int):
+            _add_empty_list(outcome, edit.path[:-1])  # the last table of its name may be gone
         is_done = outcome == expected
     except (LookupError, TypeError, AttributeError, TOMLKitError, tomllib.TOMLDecodeError):
         new, is_done = text, False
@@ -158,6 +158,14 @@ def _at(data: Any, path: Sequence[str | int]) -> Any:  # noqa: ANN401 - TOML val
     for depth, key in enumerate(path, start=1):
         data = data.get(key) if depth == len(path) and isinstance(key, str) else data[key]
     return data
+
+
+def _add_empty_list(data: Any, path: Keys) -> None:  # noqa: ANN401 - as above
+    """Add an empty list at a path of plain data, with the tables that lead there, unless there is a value."""
+    *tables, name = path
+    for key in tables:
+        data = data.setdefault(key, {}) if isinstance(key, str) else data[key]
+    data.setdefault(name, [])
 
 
 def _apply(data: Any, edit: Edit, value: Any) -> None:  # noqa: ANN401 - a document of tomlkit, or plain data

@@ -5,8 +5,9 @@ A file with errors is shown as far as it can be: each piece of equipment that is
 
 import fnmatch
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
@@ -25,8 +26,12 @@ from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 Point = tuple[float, float]
 """Place in the yard, world frame, metres."""
 
+Position = tuple[float, float] | tuple[float, float, float]
+"""Place x, y, or x, y, z, world frame, metres."""
+
 PIECE = TypeAdapter[Equipment](Equipment)
 PLACE = TypeAdapter[Point](Point)
+POSITION = TypeAdapter[Position](Position)
 
 FORMS = {"catalogue": "CatalogueEquipment", "box": "BoxEquipment", "cylinder": "CylinderEquipment"}
 """Table of the schema that lists the keys of a piece, by its shape."""
@@ -64,6 +69,20 @@ class SourceView(BaseModel):
     """Height of a source with a position; None for one on sites or anywhere."""
 
 
+class LineView(BaseModel):
+    """Zone, path of a person or vehicle, or interferer with its path; it moves with all its points."""
+
+    name: str
+    kind: Literal["zone", "moving", "interferer"]
+    path: tuple[str | int, ...]
+    """Keys and index of its table."""
+    form: str
+    values: dict[str, str]
+    is_closed: bool
+    points_m: dict[str, list[Position]]
+    """Valid points by their key, which holds one position or a list of them."""
+
+
 class View(BaseModel):
     """Scenario file as the page shows it. `values` are keys of tables with values in TOML, strings without quotes."""
 
@@ -74,6 +93,7 @@ class View(BaseModel):
     dock_m: Point | None
     waypoints_m: list[Point]
     sources: list[SourceView]
+    lines: list[LineView]
     errors: list[str]
     notes: list[str]
 
@@ -94,6 +114,7 @@ def view_of(text: str, path: Path) -> View:
         dock_m=_place(route.get("dock_m")),
         waypoints_m=[_place(at) or (0.0, 0.0) for at in waypoints] if isinstance(waypoints, list) else [],
         sources=[_source(row, sites_m) for row in _rows(data, "sources")],
+        lines=list(_lines(data)),
         errors=errors,
         notes=notes,
     )
@@ -106,7 +127,8 @@ def forms() -> dict[str, Any]:
         keys = tables[name]["properties"]
         keys["kind"]["enum"] = sorted(CATALOGUE if shape == "catalogue" else KIND_MATERIALS)
         keys["shape"]["enum"] = list(FORMS)
-    return {name: tables[name]["properties"] for name in (*FORMS.values(), "SourceConfig", "RouteConfig", "Yard")}
+    names = (*FORMS.values(), "SourceConfig", "RouteConfig", "Yard", "ZoneConfig", "MovingConfig", "InterfererConfig")
+    return {name: tables[name]["properties"] for name in names}
 
 
 def kinds_with_kv() -> list[str]:
@@ -190,3 +212,47 @@ def _source(row: dict[str, Any], sites_m: dict[str, Point]) -> SourceView:
         places_m=[sites_m[name] for name in names] + ([] if at_m is None else [at_m]),
         height_m=height_m,
     )
+
+
+def _lines(data: dict[str, Any]) -> Iterator[LineView]:
+    """Yield zones, people and vehicles, and interferers."""
+    zones, moving, interferers = (
+        _rows(data, "zones"),
+        _rows(_table(data, "nature"), "moving"),
+        _rows(data, "interferers"),
+    )
+    for k, row in enumerate(zones):
+        yield _line(row, "zone", ("zones", k), "ZoneConfig", "polygon_m", is_closed=True)
+    for k, row in enumerate(moving):
+        yield _line(row, "moving", ("nature", "moving", k), "MovingConfig", "path_m", is_closed=row.get("loop") is True)
+    for k, row in enumerate(interferers):
+        yield _line(row, "interferer", ("interferers", k), "InterfererConfig", "position_m", "path_m", is_closed=False)
+
+
+def _line(
+    row: dict[str, Any],
+    kind: Literal["zone", "moving", "interferer"],
+    path: tuple[str | int, ...],
+    form: str,
+    *keys: str,
+    is_closed: bool,
+) -> LineView:
+    """Return a line with the points of keys."""
+    points = {key: _positions(row[key] if key != "position_m" else [row[key]]) for key in keys if key in row}
+    return LineView(
+        name=str(row.get("name", "")),
+        kind=kind,
+        path=path,
+        form=form,
+        values=_values(row),
+        is_closed=is_closed,
+        points_m={key: positions for key, positions in points.items() if positions},
+    )
+
+
+def _positions(value: Any) -> list[Position]:  # noqa: ANN401 - files may contain any value
+    """Return a list of positions, or an empty one if it has another value."""
+    try:
+        return [POSITION.validate_python(tuple(place)) for place in value]
+    except (TypeError, ValidationError):
+        return []

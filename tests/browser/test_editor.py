@@ -12,6 +12,7 @@ import pytest
 
 from pdpatrol.envs.scenario import SHIPPED, load_scenario
 from tests.browser.browser import NEEDS_CHROMIUM, Opened, Theme, n_colours, opened, picture
+from tests.missions.editor.test_view import LINES
 from tests.missions.replay.test_viewer import end, read_address, started
 from tests.processes import pdpatrol
 
@@ -207,6 +208,26 @@ def test_waypoints_and_sources_are_added_moved_and_removed(editor: Opened, yard:
     assert len(after.route.stops_m) == n_stops
     assert after.route.stops_m[-1] == pytest.approx((12.0, 2.0), abs=0.051)
     assert after.sources[-1].sites == ("vt_3_b/terminal_box",)
+    assert errors == []
+
+
+def test_zones_people_and_interferers_are_shown_and_moved(served: tuple[Path, str]) -> None:
+    file, address = served
+    text = (SHIPPED / "quiet_yard.toml").read_text(encoding="utf-8") + LINES
+    file.write_text(text, encoding="utf-8")
+    with opened(address, "light") as (page, errors):
+        page.wait_for_selector("#check b")
+        picture(page, "editor-lines")
+        for name in ("gravel", "gardener", "tram_line"):
+            assert page.locator(f"#names text:text-is('{name}')").count() == 1
+        drag(page, (9.0, 2.5), (10.0, 3.0))
+        drag(page, (8.0, 15.0), (7.5, 15.0))
+        drag(page, (62.0, 12.0), (60.0, 15.0))
+        save(page)
+    after = load_scenario(file)
+    assert after.zones[0].polygon_m == pytest.approx(((10.0, 1.5), (15.0, 1.5), (15.0, 4.5), (10.0, 4.5)))
+    assert np.array(after.nature.moving[0].path_m) == pytest.approx(np.array([(3.5, 15.0), (11.5, 15.0), (11.5, 21.0)]))
+    assert after.interferers[0].position_m == pytest.approx((60.0, 15.0, 6.0))
     assert errors == []
 
 

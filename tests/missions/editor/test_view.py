@@ -50,7 +50,12 @@ def test_file_with_errors_is_shown_as_far_as_it_can_be() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "yard = 3\nroute = []\nsources = 1\n", '[yard]\nsize_m = "x"\nequipment = [1]\n[[sources]]\nsites = 2\n'],
+    [
+        "",
+        "yard = 3\nroute = []\nsources = 1\n",
+        "nature = 2\nzones = [1, { polygon_m = 3 }]\ninterferers = [{ position_m = 3 }]\n",
+        '[yard]\nsize_m = "x"\nequipment = [1]\n[[sources]]\nsites = 2\n',
+    ],
 )
 def test_any_toml_is_shown_with_its_errors(text: str) -> None:
     view = view_of(text, HERE)
@@ -65,3 +70,33 @@ def test_every_kind_can_be_placed_in_a_new_yard() -> None:
         piece = f'{{ name = "a", kind = "{kind}", position_m = [20.0, 15.0] }}'
         view = view_of(edited(NEW_YARD, [Edit(operation="insert", path=("yard", "equipment", 0), value=piece)]), HERE)
         assert (view.errors, bool(view.pieces[0].outlines)) == ([], True)
+
+
+LINES = """
+[[zones]]
+name = "gravel"
+polygon_m = [[9.0, 1.0], [14.0, 1.0], [14.0, 4.0], [9.0, 4.0]]
+limit_mps = 0.3
+
+[[nature.moving]]
+name = "gardener"
+kind = "person"
+path_m = [[4.0, 15.0], [12.0, 15.0], [12.0, 21.0]]
+speed_mps = 1.0
+"""
+"""Tables that are added to a yard with an interferer."""
+
+
+def test_zones_paths_and_interferers_have_their_points() -> None:
+    text = (SHIPPED / "quiet_yard.toml").read_text(encoding="utf-8") + LINES
+    view = view_of(text, HERE)
+    assert view.errors == []
+    assert {line.name: line.points_m for line in view.lines} == {
+        "gravel": {"polygon_m": [(9.0, 1.0), (14.0, 1.0), (14.0, 4.0), (9.0, 4.0)]},
+        "gardener": {"path_m": [(4.0, 15.0), (12.0, 15.0), (12.0, 21.0)]},
+        "tram_line": {"position_m": [(62.0, 12.0, 6.0)]},
+    }
+    for line in view.lines:
+        moved = edited(text, [Edit(operation="set", path=(*line.path, "name"), value="other")])
+        assert "other" in [other.name for other in view_of(moved, HERE).lines]
+        assert len(view_of(edited(text, [Edit(operation="remove", path=line.path)]), HERE).lines) == 2
