@@ -20,7 +20,7 @@ LEGEND = """\
 - **blue**: robot and its path; **grey**: route, waypoints
 - **magenta**: what is really there (tab *Plan and truth*)
 - Each number has one colour in all panels: **1?** is a candidate, **1** a finding, which is confirmed. The ellipse \
-holds the source with 95 %.
+holds the source with a probability of 95 %.
 """
 
 
@@ -71,7 +71,7 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
             fov_y=0.95,
             aspect_ratio=4.0,
             camera_xyz=rr.ViewCoordinates.RDF,
-            image_plane_distance=0.01,
+            image_plane_distance=1e-5,
             color=0,
             line_width=0,
         ),

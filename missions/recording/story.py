@@ -63,7 +63,7 @@ def draw_story(stream: rr.RecordingStream, part: LogBin) -> None:
         exists = percent(table["existence"][row]) + ", possibly two" * bool(table["possibly_two"][row])
         place = "beyond the fence" if state == "outside" else _place_text(part.log, position_m, size_m)
         # not a table, whose columns overlap in the frame after one of them becomes wider
-        lines.append(f"- **{name_of(state, number)}** {place}, within {size}, existence {exists}")
+        lines.append(f"- **{name_of(state, number)}** {place}, within {size}, probability {exists}")
     _draw_text(stream, "mission/status", lines)
 
 
@@ -83,7 +83,7 @@ def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:
     card = closing_card(report)
     lines = [f"### {card.title}", ""]
     for row in card.rows:
-        lines += [f"**{row.what}**: {row.where}; {row.kind}", "", f"**{row.when}**: {row.action}", ""]
+        lines += [f"**{row.what}**: {row.kind}; {row.where}", "", f"**{row.when}**: {row.action}", ""]
     _draw_text(stream, "mission/status", [*lines, card.remark])
     for finding in report.findings:
         label = f"{finding.id} {finding.sites[0].name.rpartition('/')[2] if finding.sites else ''}".strip()

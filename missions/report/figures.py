@@ -120,7 +120,7 @@ def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, cov
     colour, label = STATES[state]
     place_m, limits_m = np.asarray(position_m)[:2], np.transpose([axes.get_xlim(), axes.get_ylim()])
     edge_m = np.clip(place_m, *limits_m)
-    marker, label, offset_pt = "+", f"{label} with its id, 95 % ellipse", (10.0, 10.0)
+    marker, label, offset_pt = "+", f"{label} with its number, 95 % ellipse", (10.0, 10.0)
     if (edge_m != place_m).any():
         inward_pt = np.where(edge_m < limits_m.mean(axis=0), 10.0, -10.0)
         marker, label, offset_pt = "D", "farther out, its id", tuple(inward_pt)
