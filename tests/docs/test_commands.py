@@ -2,9 +2,11 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
+from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ import pytest
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import Mission
 from pdpatrol.missions.site_map_files.name_mapping import read_mapping
+from pdpatrol.missions.sweep.plan import make_plan, parse_grid
 from tests.docs.site import ROOT
 from tests.envs.helpers import write_yard
 from tests.test_readme import blocks, commands, run_snippet, served_on_loopback
@@ -145,6 +148,32 @@ def test_commands_have_the_verbs_and_options_of_the_command_line(name: str) -> N
     for verb, rest in re.findall(r"pdpatrol (\w+)(.*)", "\n".join(blocks("sh", PAGES[name])).replace("\\\n", " ")):
         unknown = [option for option in re.findall(r" (--[\w-]+)", rest) if f" {option} " not in f"{HELP[verb]} "]
         assert unknown == [], f"{verb}{rest}"
+
+
+def sweeps() -> list[str]:
+    """Return the arguments of all sweeps of the documentation; a quoted setting may continue on the next line."""
+    shell = "\n".join(block.replace("\\\n", " ") for text in PAGES.values() for block in blocks("sh", text))
+    return sorted(
+        {
+            found.partition("  #")[0].strip()
+            for found in re.findall(r"pdpatrol sweep ((?:--set '[^']*'|[^'\n])*)", shell)
+        }
+    )
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("arguments", sweeps())
+def test_sweeps_of_the_docs_are_valid_plans(arguments: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenarios, settings and policies exist and are valid; the missions themselves take hours."""
+    if "trained.py" in arguments:
+        pytest.importorskip("stable_baselines3", reason="the extra `rl` is not installed")
+    parser = ArgumentParser()
+    parser.add_argument("scenario", nargs="*")
+    parser.add_argument("--policy", nargs="+", default=["seek"])
+    parser.add_argument("--set", action="append", default=[])
+    given, _ = parser.parse_known_args(shlex.split(arguments))
+    monkeypatch.chdir(ROOT)
+    assert make_plan(given.scenario, given.policy, parse_grid(given.set), range(2)).jobs
 
 
 @pytest.mark.whole
