@@ -1,6 +1,6 @@
 """Labels of equipment and waypoints on the plan, as many as fit."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,22 +23,35 @@ def pixel_m(bounds_m: ArrayLike) -> float:
     return PLAN_SHARE * max(width_m / 1.25, height_m) / PLAN_HEIGHT_PX
 
 
-def equipment_labels(solids: Iterable[Mapping[str, Any]], pixel_size_m: float) -> dict[str, list[float]]:
-    """Return the places of labels, x m, y m, z m, north of each bay or piece; the largest first."""
+def equipment_labels(
+    solids: Iterable[Mapping[str, Any]], pixel_size_m: float, with_sites: Collection[str] = ()
+) -> dict[str, list[float]]:
+    """Return the places of labels, x m, y m, z m, north of each bay or piece.
+
+    Args:
+        solids: Solids of all equipment.
+        pixel_size_m: Size of a pixel, metres.
+        with_sites: Names of the pieces on which a discharge can occur. They come first, then the largest.
+    """
     corners_m: dict[str, list[FloatArray]] = {}
     volume_m3: dict[str, float] = {}
+    bays_with_sites = {_bay(name) for name in with_sites}
     for solid in solids:
         name = solid["name"].split("/")[1]
-        bay = bay_of(name) or without_phase(name)
+        bay = _bay(name)
         size_m, place_m = np.array(solid["size_m"]), np.array(solid["position_m"])
         reach_m = np.hypot(*size_m[:2]) if solid["shape"] == "box" else size_m[0]
         corners_m.setdefault(bay, []).extend([place_m[:2] - reach_m, place_m[:2] + reach_m])
         volume_m3[bay] = volume_m3.get(bay, 0.0) + float(np.prod(np.maximum(size_m, 0.1)))
     places: dict[str, list[float]] = {}
-    for bay in sorted(corners_m, key=lambda name: -volume_m3[name]):
+    for bay in sorted(corners_m, key=lambda name: (name not in bays_with_sites, -volume_m3[name])):
         low_m, high_m = np.min(corners_m[bay], axis=0), np.max(corners_m[bay], axis=0)
         places[bay] = [0.5 * float(low_m[0] + high_m[0]), float(high_m[1]) + LABEL_HEIGHT_PX * pixel_size_m, 0.05]
     return places
+
+
+def _bay(name: str) -> str:
+    return bay_of(name) or without_phase(name)
 
 
 def fitting(places: Mapping[str, Sequence[float]], pixel_size_m: float, taken: list[FloatArray]) -> list[str]:

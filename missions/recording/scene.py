@@ -96,7 +96,8 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
 def _route_and_names(meta: Mapping[str, Any], equipment: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return route, zones and the labels of equipment and waypoints that fit on the plan."""
     pixel_size_m, taken = pixel_m(meta["bounds_m"]), list[FloatArray]()
-    names = equipment_labels(equipment, pixel_size_m)
+    with_sites = {site.partition("/")[0] for site in meta.get("sites", {})}
+    names = equipment_labels(equipment, pixel_size_m, with_sites)
     shapes: dict[str, Any] = {
         "world/yard/names": labels_3d({name: names[name] for name in fitting(names, pixel_size_m, taken)})
     }

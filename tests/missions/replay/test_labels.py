@@ -37,3 +37,11 @@ def test_pieces_of_one_bay_share_a_label_at_their_middle() -> None:
     ]
     (place,) = equipment_labels(solids, 0.1).values()
     np.testing.assert_allclose(place[:2], [4.0, 5.2 + 0.1 * LABEL_HEIGHT_PX])
+
+
+def test_pieces_with_sites_are_labelled_before_larger_ones() -> None:
+    solids = [
+        {"name": f"equipment/{name}", "shape": "box", "size_m": [size_m] * 3, "position_m": [5.0, 5.0, 1.0]}
+        for name, size_m in (("house", 4.0), ("ct_2_a", 0.5), ("wall", 1.0), ("breaker_1", 0.8))
+    ]
+    assert list(equipment_labels(solids, 0.1, {"ct_2_a", "breaker_1"})) == ["breaker_1", "ct_2", "house", "wall"]
