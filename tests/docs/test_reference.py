@@ -43,3 +43,5 @@ def test_page_of_commands_has_the_help_of_every_command(made: dict[str, Any], mo
         monkeypatch.setenv(name, "")  # restored after the page has set them
     assert page("commands.md") == made["commands.md"](), "run docs/make_reference.py"
     assert re.findall("^## (.*)$", page("commands.md"), re.MULTILINE) == list(VERBS)
+    breaks = "line breaks of docstrings stay before lines that do not begin with a letter"
+    assert re.findall(r"^(?:`(?!``)|\[).*$", page("commands.md"), re.MULTILINE) == [], breaks
