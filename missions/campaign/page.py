@@ -87,7 +87,8 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
         inspections: Inspections from which the trend was made.
     """
     counts = Counter(change_of(discharge) for discharge in trend.discharges)
-    listed = ", ".join(f"{count} {change}" for change, count in counts.items())
+    texts = {"not known": "of unknown change"}
+    listed = ", ".join(f"{count} {texts.get(change, change)}" for change, count in counts.items())
     return render(
         "campaign/trend.html",
         title="Partial discharge trend",
@@ -119,7 +120,8 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
         for discharge in trend.discharges:
             change, (x, y, _) = change_of(discharge), discharge.position_m
             axes.plot(x, y, "o", color=COLOURS[change], markersize=8, markeredgecolor="white", zorder=7)
-            draw_label(axes, f"{discharge.number}: {change}", (x, y), (0.0, 14.0), COLOURS[change])
+            text = "change not known" if change == "not known" else change
+            draw_label(axes, f"{discharge.number}: {text}", (x, y), (0.0, 14.0), COLOURS[change])
         move_labels_apart(figure)
     return figure
 
