@@ -100,6 +100,10 @@ SHARE_PULSES = 6.0
 STRAY, STRAY_DENSITY = 0.05, 1.0 / (2 * np.pi * 40.0)
 """Share of stray pulses from noise and other sources, and their density: uniform in phase and over 40 dB. Assumed."""
 
+LEAST_SPREAD_DB = 0.05
+"""Smallest standard deviation of levels of pulses at any phase, such as those of an interferer. Assumed; noise makes it
+larger."""
+
 KERNELS, OTHER_PENALTY = ((np.radians(9.0), 2.0), (np.radians(6.0), 1.0)), 7.0
 """Widths, in rad and dB, of two kernel densities that stand for any other pattern, such as two kinds together, and the
 logarithm by which their free shape is penalised. Assumed: a quarter of such pairs is taken for one kind, and 4 % of
@@ -159,10 +163,18 @@ def classify(phase_rad: FloatArray, level_db: FloatArray) -> PhasePattern:
 
 
 def _uniform(phase: FloatArray, level: FloatArray) -> float:
-    """Return the log evidence of a uniform phase and a normally distributed level of unknown mean within 24 dB."""
-    spread_db = max(float(level.std()), 0.5)
-    log_density = -0.5 * np.square((level - level.mean()) / spread_db) - np.log(spread_db * (2 * np.pi) ** 1.5)
-    return float(log_density.sum() + np.log(spread_db / 24.0 / phase.size))
+    """Return the log evidence of a uniform phase and a normally distributed level of unknown mean within 24 dB.
+
+    Mean and spread are those of all pulses, or those of most pulses and a few stray ones.
+    """
+    evidence = list[float]()
+    deviation_db = 1.4826 * float(np.median(np.abs(level - np.median(level))))  # of a normal distribution
+    for mean, spread, stray in ((level.mean(), level.std(), 0.0), (np.median(level), deviation_db, STRAY)):
+        spread_db = max(float(spread), LEAST_SPREAD_DB)
+        density = np.exp(-0.5 * np.square((level - mean) / spread_db)) / (spread_db * (2 * np.pi) ** 1.5)
+        log_density = np.log((1 - stray) * density + stray * STRAY_DENSITY)
+        evidence.append(float(log_density.sum() + np.log(spread_db / 24.0 / phase.size)))
+    return float(np.logaddexp.reduce(evidence))
 
 
 def _other(phase: FloatArray, level: FloatArray) -> float:

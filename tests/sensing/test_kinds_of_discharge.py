@@ -99,3 +99,13 @@ def test_mains_offset_is_found_and_a_locked_clock_has_none(kinds: tuple[KindName
         held.append(abs(estimate_hz - offset_hz) < 0.4 / duration_s)
     assert n_false == 0
     assert np.mean(held) >= (0.85 if len(kinds) == 1 else 0.97)
+
+
+@pytest.mark.parametrize("spread_db", [0.05, 0.2, 0.7, 3.0])
+def test_pulses_at_any_phase_are_of_unknown_kind(spread_db: float) -> None:
+    """Interferers are not tied to the mains, and their levels may be as equal as those of corona."""
+    rng = np.random.default_rng(3)
+    phase_rad, level_db = rng.uniform(-np.pi, np.pi, 300), 14.0 + spread_db * rng.standard_normal(300)
+    pattern = classify(phase_rad, level_db)
+    assert pattern.kind == "unknown"
+    assert pattern.confidence > 0.99
