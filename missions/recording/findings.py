@@ -21,8 +21,9 @@ UNITS_PER_DB, SPAN_DB = 4.0, 30
 
 
 def name_of(state: str, number: int) -> str:
-    """Return the displayed name of a finding or candidate; only confirmed ones are called findings."""
-    return f"{'finding' if state == 'confirmed' else state} {number}"
+    """Return the displayed name of a finding, a candidate or a source beyond the fence."""
+    name = {"confirmed": "finding", "outside": "source"}.get(state, state)
+    return f"{name} {number}"
 
 
 def draw_styles(stream: rr.RecordingStream, numbers: Iterable[int]) -> None:
