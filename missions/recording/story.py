@@ -91,6 +91,6 @@ def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:
 
 
 def _draw_text(stream: rr.RecordingStream, path: str, lines: list[Any]) -> None:
-    """Show lines of Markdown."""
-    escaped = "\n".join(lines).replace("<", "&lt;").replace("_", "\\_")
+    """Show lines of Markdown, in which no number is apart from its percent sign."""
+    escaped = "\n".join(lines).replace("<", "&lt;").replace("_", "\\_").replace(" %", "\N{NO-BREAK SPACE}%")
     stream.log(path, rr.TextDocument(escaped, media_type=rr.MediaType.MARKDOWN))
