@@ -46,6 +46,8 @@ class LocatingConfig(Config):
 
     refit_s: Annotated[float, Field(ge=0.01, le=86_400.0)] | None = _default(RULES.refit_s)
     """Time between fits."""
+    refit_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = _default(RULES.refit_share)
+    """Time between fits as a share of the time since the first one, if that is longer."""
     max_pulses: Annotated[int, Field(ge=2, le=2000)] | None = _default(RULES.max_pulses)
     """Largest number of groups of pulses of one finding in a fit. The pulses of a group share a place, a heading and a
     direction."""

@@ -30,9 +30,8 @@ def candidates_table(report: Report) -> FittedTable:
 def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[str]]) -> FittedTable:
     columns = {
         "#": [str(finding.id) for finding in findings],
-        "x, y\n(m)": ["{:.2f}, {:.2f}".format(*finding.position_m[:2]) for finding in findings],
+        "x, y, z\n(m)": ["{:.2f}, {:.2f}, {:.2f}".format(*finding.position_m) for finding in findings],
         "95 %\n± (m)": [f"{finding.ellipse95.semi_major_m:.2f}" for finding in findings],
-        "height\n(m)": [f"{each.position_m[2]:.1f} ± {1.96 * each.position_std_m[2]:.1f}" for each in findings],
         "exists": [existence_text(finding) for finding in findings],
     }
     if any(finding.sites or finding.state == "outside" for finding in findings):
