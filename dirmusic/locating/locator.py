@@ -163,7 +163,7 @@ class Locator:
         self.findings: tuple[Finding, ...] = ()
         self.contradicts_errors = False
         self.estimate: JointEstimate | None = None
-        self._pool = PulsePool(array.manifold.n_elements, array.height_m, pose_error)
+        self._pool = PulsePool(array, pose_error)
         self._visibility = Visibility(self._pool, sight)
         self._nominal = nominal_array(array)
         self._restart_array()
@@ -217,7 +217,8 @@ class Locator:
 
     def _renew(self, time_s: float, rounds: int) -> None:
         """Update all tracks with the pulses so far."""
-        self._pool.pool()
+        if self._pool.pool():
+            self._forget()
         if not self._pool.groups.time_s.size:
             return
         self._window = self._pool.window_of(self._pool.groups.time_s)
@@ -357,6 +358,13 @@ class Locator:
         n = self._pool.groups.time_s.size
         self._is_tried = np.pad(self._is_tried[:n], (0, max(n - self._is_tried.size, 0)))
         return self._is_tried
+
+    def _forget(self) -> None:
+        """Forget what was estimated with a channel that turned out to be faulty."""
+        self._restart_array()
+        self._is_tried[:] = False
+        for track in self._tracks:
+            track.n_compared, track.fitted = 0, NEVER_FITTED
 
     def _restart_array(self) -> None:
         """Forget the estimate of the array."""

@@ -10,7 +10,9 @@ import numpy as np
 from dirmusic.angles import difference
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.protocol import LineOfSight, PoseError
-from dirmusic.pulses.batch import PulseBatch
+from dirmusic.array.model import ArrayModel
+from dirmusic.bearing.maximum_likelihood import in_plane_likelihood
+from dirmusic.pulses.batch import Bearings, PulseBatch
 
 PLACE_M = 0.5
 """Side of the grid cells of the ground; poses in one cell count as one place. Assumed: several pose errors."""
@@ -73,9 +75,11 @@ class PulsePool:
     Windows and seconds are counted from the first pose. The groups of a window are settled when a pulse of a later
     window has been pooled.
 
+    A channel that is no longer usable was probably faulty before that was discovered: it is left out of all pulses so
+    far, and their directions are estimated anew.
+
     Args:
-        n_elements: Number of elements of the array.
-        height_m: Height of the array.
+        array: The array.
         pose_error: Error of the poses.
 
     Attributes:
@@ -87,14 +91,16 @@ class PulsePool:
         listened_s: Time of those seconds.
     """
 
-    def __init__(self, n_elements: int, height_m: float, pose_error: PoseError) -> None:
+    def __init__(self, array: ArrayModel, pose_error: PoseError) -> None:
+        n_elements = array.manifold.n_elements
+        self._array, self._good = array, np.ones(n_elements, dtype=np.bool_)
         self._open = PulseBatch.none(n_elements), np.empty((0, 3)), np.empty(0, dtype=np.intp)
         self.group: IntArray = np.empty(0, dtype=np.intp)
         self.groups: Groups = pool_pulses(*self._open, self.group)
         self.n_settled = 0
         self.places_m = np.empty((0, 3))
         self.listened, self.listened_s = np.empty(0, dtype=np.intp), np.empty(0)
-        self._height_m, self._window_s = height_m, max(WINDOW_S, pose_error.correlation_s)
+        self._height_m, self._window_s = array.height_m, max(WINDOW_S, pose_error.correlation_s)
         self._start_s: float | None = None
         self._cells: dict[tuple[int, int], int] = {}
         self._added: list[tuple[float, FloatArray, PulseBatch]] = []
@@ -103,18 +109,24 @@ class PulsePool:
         """Add the pulses that were detected at one pose: x m, y m, yaw rad, world frame, shape (3,)."""
         self._added.append((time_s, pose, pulses))
 
-    def pool(self) -> None:
-        """Pool the pulses that were added since the last call."""
+    def pool(self) -> bool:
+        """Pool the pulses that were added since the last call; return true if channels were left out of earlier ones."""
         if not self._added:
-            return
+            return False
         times_s, each_pose, batches = zip(*self._added, strict=True)
         self._added = []
         self._start_s = times_s[0] if self._start_s is None else self._start_s
         n_each, places = [batch.n_pulses for batch in batches], np.array([self._place_of(pose) for pose in each_pose])
         self._listen(times_s, places)
         latest = PulseBatch.join([batch.without_bands() for batch in batches])
+        good = self._good & latest.is_usable.all(axis=0)
+        has_fault, self._good = bool((good != self._good).any()), good
         open_pulses, open_pose, open_place = self._open
         pulses = PulseBatch.join([open_pulses, latest._replace(time_s=np.repeat(times_s, n_each))])
+        if has_fault:
+            found = self._directions(pulses.strengths_v, pulses.variance_v2)
+            pulses = found.attached_to(pulses)._replace(is_usable=pulses.is_usable & good)
+            self._leave_out()
         pose = np.concatenate([open_pose, np.repeat(each_pose, n_each, axis=0)])
         place = np.concatenate([open_place, np.repeat(places, n_each)])
         window = self.window_of(pulses.time_s)
@@ -127,6 +139,28 @@ class PulsePool:
             number = group_numbers(*own, window[part])
             self.group = np.concatenate([self.group, self.n_settled + number])
             self.groups, self._open = self.groups.followed_by(pool_pulses(*own, number)), own
+        return has_fault
+
+    def _leave_out(self) -> None:
+        """Leave channels that are not good any more out of all groups."""
+        groups = self.groups
+        strengths = groups.strengths * self._good
+        norm = np.maximum(np.linalg.norm(strengths, axis=-1, keepdims=True), np.finfo(np.float64).tiny)
+        strengths, variance = strengths / norm, groups.variance * self._good / norm**2
+        found = self._directions(strengths, variance)
+        self.groups = groups._replace(
+            strengths=strengths,
+            variance=variance,
+            is_usable=groups.is_usable & self._good,
+            level_db=groups.level_db + 20 * np.log10(norm[:, 0]),
+            azimuth_rad=found.azimuth_rad,
+            std_rad=found.std_rad,
+        )
+
+    def _directions(self, strengths: FloatArray, variance: FloatArray) -> Bearings:
+        """Estimate directions by the good channels, from strengths and their noise variance, (n, n_elements) each."""
+        pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, variance)
+        return in_plane_likelihood(pulses.take_channels(self._good), self._array.take(self._good))
 
     def window_of(self, time_s: FloatArray) -> IntArray:
         """Return the number of the time window of each time (n,), from 0 on."""

@@ -127,7 +127,7 @@ def _nature(state: FloatArray) -> Nature:
 
 def _groups(case: Case) -> IntArray:
     """Return the number of the group in which the Locator pools each pulse, shape (n_pulses,)."""
-    pool = PulsePool(case.array.manifold.n_elements, case.array.height_m, case.pose_error)
+    pool = PulsePool(case.array, case.pose_error)
     for k, pose in enumerate(case.pose):
         pool.add(STEP_S * (k + 1), pose, case.pulses.take(np.flatnonzero(case.step == k)))
     pool.pool()

@@ -34,7 +34,7 @@ def mission() -> list[Detection]:
 
 def pooled(detections: list[Detection], sizes: list[int]) -> PulsePool:
     """Pool detections in pieces of given sizes, and the rest at once."""
-    pool, ends = PulsePool(6, 0.6, POSE_ERROR), set(np.cumsum(sizes).tolist())
+    pool, ends = PulsePool(ARRAY, POSE_ERROR), set(np.cumsum(sizes).tolist())
     for k, detection in enumerate(detections):
         if k in ends:
             pool.pool()
@@ -61,7 +61,7 @@ def test_pooling_in_pieces_equals_pooling_at_once(sizes: list[int]) -> None:
 
 def test_settled_groups_never_change() -> None:
     """Groups of past windows stay, and so do the numbers of their pulses."""
-    pool = PulsePool(6, 0.6, POSE_ERROR)
+    pool = PulsePool(ARRAY, POSE_ERROR)
     for k, detection in enumerate(mission()):
         settled, n = pool.groups.take(slice(pool.n_settled)), pool.n_settled
         group = pool.group[pool.group < n]
@@ -126,7 +126,7 @@ def test_every_second_is_listened_to() -> None:
     np.testing.assert_allclose(pool.listened_s, np.arange(40.0))
     np.testing.assert_allclose(pool.places_m[pool.listened, 0], 0.4 * np.arange(40), atol=PLACE_M)
     assert pool.groups.time_s.size == pool.group.size == 0
-    slow = PulsePool(6, 0.6, POSE_ERROR)
+    slow = PulsePool(ARRAY, POSE_ERROR)
     for at in (3.0, 3.5, 7.2):
         slow.add(at, np.zeros(3), PulseBatch.none(6))
         slow.pool()
@@ -141,7 +141,7 @@ def test_transmission_is_that_of_the_map_for_all_places() -> None:
         asked.append(len(places_m))
         return 1.0 / (1.0 + np.linalg.norm(places_m - target_m, axis=-1) + within_m)
 
-    pool, target_m = PulsePool(6, 0.6, POSE_ERROR), np.array([5.0, 2.0, 1.5])
+    pool, target_m = PulsePool(ARRAY, POSE_ERROR), np.array([5.0, 2.0, 1.5])
     visibility = Visibility(pool, sight)
     for detection in mission()[:200]:
         pool.add(*detection)
