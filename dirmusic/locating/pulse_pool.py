@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dirmusic.angles import difference
-from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.array.model import ArrayModel
+from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.bearing.maximum_likelihood import in_plane_likelihood
+from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.pulses.batch import Bearings, PulseBatch
 
 PLACE_M = 0.5
@@ -110,7 +110,7 @@ class PulsePool:
         self._added.append((time_s, pose, pulses))
 
     def pool(self) -> bool:
-        """Pool the pulses that were added since the last call; return true if channels were left out of earlier ones."""
+        """Pool the pulses added since the last call; return true if channels were left out of earlier ones."""
         if not self._added:
             return False
         times_s, each_pose, batches = zip(*self._added, strict=True)

@@ -106,6 +106,25 @@ def test_rarer_fits_end_with_the_same_position() -> None:
     np.testing.assert_allclose(few.position_m[:2], each.position_m[:2], atol=0.02)
 
 
+def test_source_is_located_once_swapped_channels_are_left_out() -> None:
+    """Pulses from before the discovery support the finding instead of refuting it."""
+    added = detections(path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 160), SOURCE_M[np.newaxis], 0)
+    swapped, good = [1, 0, 2, 3, 4, 5], np.arange(6) >= 2
+    for k, (at, pose, pulses) in enumerate(added):
+        recorded = PulseBatch.detected(pulses.time_s, pulses.strengths_v[:, swapped], pulses.variance_v2)
+        if k < 100:
+            pulses = maximum_likelihood(recorded, ARRAY).attached_to(recorded)
+        else:
+            found = maximum_likelihood(recorded.take_channels(good), ARRAY.take(good))
+            pulses = found.attached_to(recorded)._replace(is_usable=np.broadcast_to(good, recorded.strengths_v.shape))
+        added[k] = at, pose, pulses
+    locator, history = listen(added)
+    assert not [finding for finding in history[99] if finding.state == "confirmed"]
+    (finding,) = confirmed(locator)
+    assert np.linalg.norm(finding.position_m[:2] - SOURCE_M[:2]) < 0.2
+    assert finding.n_bearings > 0.8 * sum(pulses.n_pulses for _, _, pulses in added)
+
+
 @pytest.mark.whole
 def test_two_sources_have_a_finding_and_pulses_each() -> None:
     """Two sources 5 m apart are both confirmed, and pulses in line with one only belong to it."""

@@ -119,6 +119,28 @@ def test_groups_separate_heading_level_and_direction() -> None:
     np.testing.assert_array_equal(group_numbers(pulses, pose, same, np.arange(5)), np.arange(5))
 
 
+def test_faulty_channel_is_left_out_of_earlier_pulses() -> None:
+    """Two channels are swapped from the start. Once they are not usable, all directions are as from the others."""
+    rng, pool, true_rad = np.random.default_rng(4), PulsePool(ARRAY, POSE_ERROR), np.array([-0.6, -2.4])
+    for k in range(200):
+        pulses = noisy_pulses(true_rad, 0.01, rng)
+        strengths_v = pulses.strengths_v[:, [1, 0, 2, 3, 4, 5]]
+        is_usable = np.ones(6, dtype=np.bool_)
+        is_usable[:2] = k < 100
+        pulses = pulses._replace(strengths_v=strengths_v, is_usable=np.broadcast_to(is_usable, strengths_v.shape))
+        if k < 100:  # the faulty channels turn them
+            pulses = pulses._replace(azimuth_rad=pulses.azimuth_rad + 0.5)
+        pool.add(0.1 * k, np.zeros(3), pulses)
+        has_fault = pool.pool()
+        assert has_fault == (k == 100)
+    groups = pool.groups
+    assert not groups.is_usable[:, :2].any()
+    assert groups.is_usable[:, 2:].all()
+    np.testing.assert_allclose(np.linalg.norm(groups.strengths, axis=1), 1.0)
+    off_rad = np.abs(difference(groups.azimuth_rad[:, np.newaxis], true_rad)).min(axis=1)
+    assert off_rad.max() < 0.1
+
+
 def test_every_second_is_listened_to() -> None:
     """One place is recorded for each second of the mission, with or without pulses."""
     detections = [(at, pose, PulseBatch.none(6)) for at, pose, _ in mission()]
