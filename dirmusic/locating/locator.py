@@ -360,7 +360,7 @@ class Locator:
         return self._is_tried
 
     def _forget(self) -> None:
-        """Forget what was estimated with a channel that turned out to be faulty."""
+        """Forget estimates that used a faulty channel."""
         self._restart_array()
         self._is_tried[:] = False
         for track in self._tracks:

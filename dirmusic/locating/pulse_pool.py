@@ -75,8 +75,8 @@ class PulsePool:
     Windows and seconds are counted from the first pose. The groups of a window are settled when a pulse of a later
     window has been pooled.
 
-    A channel that is no longer usable was probably faulty before that was discovered: it is left out of all pulses so
-    far, and their directions are estimated anew.
+    A channel that ceases to be usable was probably faulty for some time. It is left out of all pulses so far, and their
+    directions are estimated anew.
 
     Args:
         array: The array.

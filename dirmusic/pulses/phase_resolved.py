@@ -165,7 +165,7 @@ def classify(phase_rad: FloatArray, level_db: FloatArray) -> PhasePattern:
 def _uniform(phase: FloatArray, level: FloatArray) -> float:
     """Return the log evidence of a uniform phase and a normally distributed level of unknown mean within 24 dB.
 
-    Mean and spread are those of all pulses, or those of most pulses and a few stray ones.
+    Mean and spread are of all pulses, or of most pulses with a few stray ones.
     """
     evidence = list[float]()
     deviation_db = 1.4826 * float(np.median(np.abs(level - np.median(level))))  # of a normal distribution

@@ -83,7 +83,7 @@ class LineView(BaseModel):
     """Valid points by their key, which holds one position or a list of them."""
 
 
-class View(BaseModel):
+class EditorView(BaseModel):
     """Scenario file as the page shows it. `values` are keys of tables with values in TOML, strings without quotes."""
 
     fence_m: list[Point]
@@ -98,7 +98,7 @@ class View(BaseModel):
     notes: list[str]
 
 
-def view_of(text: str, path: Path) -> View:
+def view_of(text: str, path: Path) -> EditorView:
     """Return the content of the page for the text of a file, which must be valid TOML."""
     data = tomllib.loads(text.removeprefix(BOM))
     yard, route = _table(data, "yard"), _table(data, "route")
@@ -106,7 +106,7 @@ def view_of(text: str, path: Path) -> View:
     sites_m = {f"{piece.name}/{site}": at_m for piece in pieces for site, at_m in piece.sites_m.items()}
     errors, notes = _check(text, path)
     waypoints = route.get("waypoints_m")
-    return View(
+    return EditorView(
         fence_m=_fence(yard),
         yard=_values(yard),
         pieces=pieces,

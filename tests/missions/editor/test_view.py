@@ -7,13 +7,13 @@ import pytest
 
 from pdpatrol.envs.scenario import SHIPPED, load_scenario
 from pdpatrol.missions.editor.document import NEW_YARD, Edit, edited
-from pdpatrol.missions.editor.view import View, forms, view_of
+from pdpatrol.missions.editor.view import EditorView, forms, view_of
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 
 HERE = Path("yard.toml")
 
 
-def shown(name: str, *edits: Edit) -> View:
+def shown(name: str, *edits: Edit) -> EditorView:
     text = (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
     return view_of(edited(text, edits), HERE)
 
