@@ -198,7 +198,7 @@ class Locator:
 
     def association(self) -> IntArray:
         """Return the id of the likeliest finding of each pulse so far, 0 for none; shape (n_pulses_so_far,)."""
-        self._pool.pool()
+        self._take_pulses()
         finding = np.zeros(self._pool.groups.time_s.size, dtype=np.intp)
         if self._tracks:
             self._window = self._pool.window_of(self._pool.groups.time_s)
@@ -217,8 +217,7 @@ class Locator:
 
     def _renew(self, time_s: float, rounds: int) -> None:
         """Update all tracks with the pulses so far."""
-        if self._pool.pool():
-            self._forget()
+        self._take_pulses()
         if not self._pool.groups.time_s.size:
             return
         self._window = self._pool.window_of(self._pool.groups.time_s)
@@ -359,12 +358,13 @@ class Locator:
         self._is_tried = np.pad(self._is_tried[:n], (0, max(n - self._is_tried.size, 0)))
         return self._is_tried
 
-    def _forget(self) -> None:
-        """Forget estimates that used a faulty channel."""
-        self._restart_array()
-        self._is_tried[:] = False
-        for track in self._tracks:
-            track.n_compared, track.fitted = 0, NEVER_FITTED
+    def _take_pulses(self) -> None:
+        """Pool the latest pulses; if channels were left out of earlier ones, forget estimates that used these."""
+        if self._pool.pool():
+            self._restart_array()
+            self._is_tried[:] = False
+            for track in self._tracks:
+                track.n_compared, track.fitted = 0, NEVER_FITTED
 
     def _restart_array(self) -> None:
         """Forget the estimate of the array."""
