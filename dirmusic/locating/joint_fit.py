@@ -32,9 +32,11 @@ from dirmusic.locating.measurement import (
     TILT_X,
     TILT_Y,
     CostExpansion,
+    FixedErrors,
     Noise,
     NominalArray,
     PooledPulses,
+    errors_at,
     expand,
     misfits,
 )
@@ -92,6 +94,9 @@ UNEXPLAINED_PRIOR = (0.04, 1.0)
 LEAST_FREEDOM = 0.2
 """Least share of the data that is taken to remain for the estimate of unexplained errors (assumed)."""
 
+DESCENTS = 2
+"""Number of descents of a fit, each with the covariances at the state where the last one ended."""
+
 MAX_STEPS, MAX_IDLE_STEPS, MIN_GAIN = 30, 3, 0.01
 """Limits that end a fit: number of steps, number of consecutive rejected steps, and decrease of the cost by a step that
 is so small that the next one would gain much less."""
@@ -137,25 +142,86 @@ class JointEstimate:
     misfit: float
 
 
-Cost = Callable[[FloatArray], CostExpansion]
+class StatePrior(NamedTuple):
+    """Normal prior of states.
+
+    Attributes:
+        mean: Mean, shape (n_states,).
+        information: Inverse of the covariance, shape (n_states, n_states).
+        root: Scale of the states for the optimiser, shape (n_states, n_states): a root of the covariance, but 1 m for
+            positions.
+    """
+
+    mean: FloatArray
+    information: FloatArray
+    root: FloatArray
+
+
+class Posterior(NamedTuple):
+    """Posterior density of the states.
+
+    Attributes:
+        prior: Prior of the states.
+        errors: Errors of the pulses as predicted at a state.
+        cost: Negative log density up to a constant, at a state, with given errors of the pulses.
+    """
+
+    prior: StatePrior
+    errors: Callable[[FloatArray], FixedErrors]
+    cost: Callable[[FloatArray, FixedErrors], CostExpansion]
+
+    def at(self, state: FloatArray) -> CostExpansion:
+        """Return the cost of a state with the errors there."""
+        return self.cost(state, self.errors(state))
 
 
 class Optimum(NamedTuple):
-    """Minimum of a cost.
+    """Most probable state.
 
     Attributes:
-        state: State with the least cost, shape (n_states,).
+        state: The state, shape (n_states,).
         expansion: Cost and derivatives there.
+        weight: Effective number of independent pulses that each pulse stands for, shape (n,).
         covariance: Inverse of the Hessian, shape (n_states, n_states).
         n_fitted: Effective number of states that the data determine (MacKay 1992, eq. (2.24)).
-        cost: The cost.
+        posterior: The posterior density.
     """
 
     state: FloatArray
     expansion: CostExpansion
+    weight: FloatArray
     covariance: FloatArray
     n_fitted: float
-    cost: Cost
+    posterior: Posterior
+
+
+def descend(posterior: Posterior, start: FloatArray) -> FloatArray:
+    """Find the most probable state with the errors of pulses at the start, by a trust region."""
+    root, errors, last_cost, n_idle = posterior.prior.root, posterior.errors(start), np.inf, 0
+
+    def stop(intermediate_result: OptimizeResult) -> None:
+        """End the iteration if a step gains too little, or several steps in a row were rejected."""
+        nonlocal last_cost, n_idle
+        now = float(intermediate_result.fun)
+        n_idle = n_idle + 1 if now == last_cost else 0
+        if n_idle >= MAX_IDLE_STEPS or 0.0 < last_cost - now < MIN_GAIN:
+            raise StopIteration
+        last_cost = now
+
+    @lru_cache(maxsize=1)  # the optimiser requests its parts one by one
+    def cost(scaled: bytes) -> CostExpansion:
+        return posterior.cost((root @ np.frombuffer(scaled)).astype(np.float64), errors)
+
+    found = minimize(
+        lambda x: cost(x.tobytes()).cost,
+        np.linalg.solve(root, start),
+        method="trust-exact",
+        jac=lambda x: cost(x.tobytes()).gradient @ root,
+        hess=lambda x: root.T @ cost(x.tobytes()).hessian @ root,
+        callback=stop,
+        options={"maxiter": MAX_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
+    )
+    return (root @ found.x).astype(np.float64)
 
 
 class JointFit:
@@ -252,8 +318,8 @@ class JointFit:
         """
         expansion, freedom = optimum.expansion, self._pulses.is_usable.sum(axis=-1) - 1.0
         chi2 = expansion.misfit / np.sqrt(1.0 + expansion.misfit / ROBUST_SCALE**2)
-        expected = expansion.weight @ (freedom / np.sqrt(1.0 + (freedom + 2.0) / ROBUST_SCALE**2))
-        return float(expansion.weight @ chi2 / max(expected - optimum.n_fitted, LEAST_FREEDOM * expected))
+        expected = optimum.weight @ (freedom / np.sqrt(1.0 + (freedom + 2.0) / ROBUST_SCALE**2))
+        return float(optimum.weight @ chi2 / max(expected - optimum.n_fitted, LEAST_FREEDOM * expected))
 
     def _estimate_levels(self, optimum: Optimum, levels: ErrorLevels) -> ErrorLevels:
         """Estimate the error levels from the residuals and the pattern error of a fit with other levels."""
@@ -267,7 +333,7 @@ class JointFit:
         )
 
     def _estimate_unexplained(self, optimum: Optimum, levels: ErrorLevels) -> float:
-        weight, freedom = optimum.expansion.weight, self._pulses.is_usable.sum(axis=-1) - 1.0
+        weight, freedom = optimum.weight, self._pulses.is_usable.sum(axis=-1) - 1.0
         left = max(1.0 - optimum.n_fitted / (weight @ freedom), LEAST_FREEDOM)
 
         def cost(unexplained: float) -> float:
@@ -281,11 +347,8 @@ class JointFit:
         trials = np.clip(levels.unexplained * UNEXPLAINED_STEPS, LEAST_UNEXPLAINED, MOST_UNEXPLAINED)
         return min(trials.tolist(), key=cost)
 
-    def _cost(self, levels: ErrorLevels) -> tuple[Cost, StatePrior]:
-        """Return the negative log posterior density up to a constant, and the prior of all states.
-
-        The last result is kept, because the optimiser requests its parts one by one.
-        """
+    def _posterior(self, levels: ErrorLevels) -> Posterior:
+        """Return the posterior density for given error levels."""
         of_array = array_prior(self._array, levels)
         place_std_m = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], self._places_m.size // N_PLACE)
         prior = StatePrior(
@@ -294,19 +357,21 @@ class JointFit:
             block_diag(np.eye(place_std_m.size), of_array.root),
         )
         noise = Noise(self._pose_error.position_m, self._pose_error.heading_rad, levels.unexplained)
-        data = self._source, self._probability, self._repeats, self._pulses, self._nominal, noise, ROBUST_SCALE
+        data = self._pulses, self._nominal, noise
 
-        @lru_cache(maxsize=1)
-        def cost(state_bytes: bytes) -> CostExpansion:
-            state = np.frombuffer(state_bytes).copy()  # writable, as the compiled function expects
-            expansion, off = self._with_level_prior(state, expand(state, *data)), state - prior.mean
+        def errors(state: FloatArray) -> FixedErrors:
+            return errors_at(state, self._source, self._probability, self._repeats, *data)
+
+        def cost(state: FloatArray, errors: FixedErrors) -> CostExpansion:
+            expansion = self._with_level_prior(state, expand(state, errors, self._source, *data, ROBUST_SCALE))
+            off = state - prior.mean
             return expansion._replace(
                 cost=expansion.cost + 0.5 * off @ prior.information @ off,
                 gradient=expansion.gradient + prior.information @ off,
                 hessian=expansion.hessian + prior.information,
             )
 
-        return lambda state: cost(state.tobytes()), prior
+        return Posterior(prior, errors, cost)
 
     def _with_level_prior(self, state: FloatArray, expansion: CostExpansion) -> CostExpansion:
         """Add the prior of the mean level of each source to the cost; it depends on the range."""
@@ -328,32 +393,15 @@ class JointFit:
         return expansion._replace(cost=cost)
 
     def _minimise(self, start: FloatArray, levels: ErrorLevels) -> Optimum:
-        """Find the most probable state."""
-        cost, prior = self._cost(levels)
-        root, last_cost, n_idle = prior.root, np.inf, 0
-
-        def stop(intermediate_result: OptimizeResult) -> None:
-            """End the iteration if a step gains too little, or several steps in a row were rejected."""
-            nonlocal last_cost, n_idle
-            now = float(intermediate_result.fun)
-            n_idle = n_idle + 1 if now == last_cost else 0
-            if n_idle >= MAX_IDLE_STEPS or 0.0 < last_cost - now < MIN_GAIN:
-                raise StopIteration
-            last_cost = now
-
-        found = minimize(
-            lambda x: cost(root @ x).cost,
-            np.linalg.solve(root, start),
-            method="trust-exact",
-            jac=lambda x: cost(root @ x).gradient @ root,
-            hess=lambda x: root.T @ cost(root @ x).hessian @ root,
-            callback=stop,
-            options={"maxiter": MAX_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
-        )
-        state = (root @ found.x).astype(np.float64)
-        covariance = np.linalg.inv(cost(state).hessian).astype(np.float64)
-        n_fitted = state.size - float((covariance * prior.information).sum())
-        return Optimum(state, cost(state), covariance, n_fitted, cost)
+        """Find the most probable state: the covariances are held fixed for a descent, and predicted anew after it."""
+        posterior, state = self._posterior(levels), start
+        for _ in range(DESCENTS):
+            state = descend(posterior, state)
+        errors = posterior.errors(state)
+        expansion = posterior.cost(state, errors)
+        covariance = np.linalg.inv(expansion.hessian).astype(np.float64)
+        n_fitted = state.size - float((covariance * posterior.prior.information).sum())
+        return Optimum(state, expansion, errors.weight, covariance, n_fitted, posterior)
 
     def _mirrored(self, state: FloatArray) -> FloatArray:
         """Mirror low sources in the plane of the array, with the tilt and the pattern error."""
@@ -372,9 +420,9 @@ class JointFit:
         """
         other = optimum.state.copy()
         other[N_PLACE * k + 2] = max(2.0 * self._array.height_m - other[N_PLACE * k + 2], LEAST_HEIGHT_M)
-        there = optimum.cost(other)
+        there = optimum.posterior.at(other)
         other = other - np.linalg.solve(there.hessian, there.gradient)
-        return other, float(expit(optimum.expansion.cost - optimum.cost(other).cost))
+        return other, float(expit(optimum.expansion.cost - optimum.posterior.at(other).cost))
 
     def _may_be_mirrored(self, optimum: Optimum) -> bool:
         """Return whether a source may be on the other side of the array's plane, or lies below the ground."""
@@ -397,21 +445,6 @@ class JointFit:
             covariance[:] = optimum.covariance[own, own] + min(share, 0.5) * np.outer(off_m, off_m)
             covariance[2, 2] += (levels.pattern * (optimum.state[own][2] - self._array.height_m)) ** 2
         return result
-
-
-class StatePrior(NamedTuple):
-    """Normal prior of states.
-
-    Attributes:
-        mean: Mean, shape (n_states,).
-        information: Inverse of the covariance, shape (n_states, n_states).
-        root: Scale of the states for the optimiser, shape (n_states, n_states): a root of the covariance, but 1 m for
-            positions.
-    """
-
-    mean: FloatArray
-    information: FloatArray
-    root: FloatArray
 
 
 def pattern_scale(array: ArrayModel) -> FloatArray:

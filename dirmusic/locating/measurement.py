@@ -390,6 +390,32 @@ def predict(
     return amplitude, shared, by_noise
 
 
+@compiled_inner
+def factorise(covariance: FloatArray) -> float:
+    """Replace a covariance by its lower Cholesky factor, and return the logarithm of its determinant."""
+    log_det = 0.0
+    for i in range(covariance.shape[0]):
+        for j in range(i + 1):
+            total = covariance[i, j] - dot(covariance[i, :j], covariance[j, :j])
+            covariance[i, j] = math.sqrt(total) if i == j else total / covariance[j, j]
+        log_det += 2.0 * math.log(covariance[i, i])
+    return log_det
+
+
+@compiled_inner
+def substitute(factor: FloatArray, model: FloatArray, residual: FloatArray, slope: FloatArray) -> None:
+    """Multiply model, residual and slope, in place, by the inverse of a lower Cholesky factor."""
+    for i in range(residual.size):
+        root = factor[i, i]
+        model[i] = (model[i] - dot(factor[i, :i], model[:i])) / root
+        residual[i] = (residual[i] - dot(factor[i, :i], residual[:i])) / root
+        for j in range(i):
+            for m in range(slope.shape[1]):
+                slope[i, m] -= factor[i, j] * slope[j, m]
+        for m in range(slope.shape[1]):
+            slope[i, m] /= root
+
+
 @compiled
 def whiten(predicted: Prediction) -> float:
     r"""Transform model, residual and slope, in place, so that the covariance becomes the identity; fit the amplitude.
@@ -405,23 +431,64 @@ def whiten(predicted: Prediction) -> float:
         Logarithm of the determinant across the model.
     """
     model, residual, slope, covariance = predicted
-    log_det = -math.log(dot(model, model))
-    for i in range(residual.size):
-        for j in range(i + 1):
-            total = covariance[i, j] - dot(covariance[i, :j], covariance[j, :j])
-            covariance[i, j] = math.sqrt(total) if i == j else total / covariance[j, j]
-        root = covariance[i, i]
-        log_det += 2.0 * math.log(root)
-        model[i] = (model[i] - dot(covariance[i, :i], model[:i])) / root
-        residual[i] = (residual[i] - dot(covariance[i, :i], residual[:i])) / root
-        for j in range(i):
-            for m in range(slope.shape[1]):
-                slope[i, m] -= covariance[i, j] * slope[j, m]
-        for m in range(slope.shape[1]):
-            slope[i, m] /= root
+    log_det = factorise(covariance) - math.log(dot(model, model))
+    substitute(covariance, model, residual, slope)
     remove_amplitude(model, residual.reshape(-1, 1))
     remove_amplitude(model, slope)
     return log_det + math.log(dot(model, model))
+
+
+class FixedErrors(NamedTuple):
+    """Errors of pulses as predicted at one state, which a fit holds fixed.
+
+    Attributes:
+        factor: Lower Cholesky factor of the covariance of each pulse, shape (n, n_elements, n_elements).
+        log_det: Logarithm of the determinant of the covariance across the model, shape (n,).
+        weight: Effective number of independent pulses that each pulse stands for, shape (n,).
+    """
+
+    factor: FloatArray
+    log_det: FloatArray
+    weight: FloatArray
+
+
+@compiled
+def errors_at(
+    state: FloatArray,
+    source: IntArray,
+    probability: FloatArray,
+    repeats: FloatArray,
+    pulses: PooledPulses,
+    array: NominalArray,
+    noise: Noise,
+) -> FixedErrors:
+    r"""Predict the errors of pulses at a state.
+
+    The weight of a pulse is the probability that it came from its source, divided by the effective number of pulses
+    that share its errors: with the trace S of the shared part of the covariance and the trace N of the noise,
+    :math:`(N + S) / (N + m S)` for m pulses.
+
+    Args:
+        state: All states; the positions of the sources come first.
+        source: Index of the source of each pulse, shape (n,).
+        probability: Probability that each pulse came from this source, shape (n,).
+        repeats: Effective number m of pulses that share the errors of each pulse, shape (n,).
+        pulses: The pulses.
+        array: The array as in its data sheet.
+        noise: Standard deviations of errors that are not states.
+    """
+    n, n_elements = pulses.strengths.shape
+    of_sources = N_PLACE * (int(source.max()) + 1)
+    array_state, no_slope = state[of_sources:], np.empty((n_elements, 0))
+    errors = FixedErrors(np.empty((n, n_elements, n_elements)), np.empty(n), np.empty(n))
+    predicted = empty_prediction(n_elements, N_PLACE + array_state.size)
+    model, residual, _, covariance = predicted
+    for k in range(n):
+        _, shared, by_noise = predict(k, state, N_PLACE * source[k], array_state, pulses, array, noise, predicted)
+        errors.weight[k] = probability[k] * (by_noise + shared) / (by_noise + repeats[k] * shared)
+        errors.log_det[k] = whiten(Prediction(model, residual, no_slope, covariance))
+        errors.factor[k] = covariance
+    return errors
 
 
 class CostExpansion(NamedTuple):
@@ -432,24 +499,19 @@ class CostExpansion(NamedTuple):
         gradient: Gradient, shape (n_states,).
         hessian: Gauss-Newton Hessian, shape (n_states, n_states).
         misfit: Normalised square of the residual of each pulse, shape (n,).
-        log_det: Logarithm of the determinant of its covariance across the model, shape (n,).
-        weight: Effective number of independent pulses that each pulse stands for, shape (n,).
     """
 
     cost: float
     gradient: FloatArray
     hessian: FloatArray
     misfit: FloatArray
-    log_det: FloatArray
-    weight: FloatArray
 
 
 @compiled
 def expand(
     state: FloatArray,
+    errors: FixedErrors,
     source: IntArray,
-    probability: FloatArray,
-    repeats: FloatArray,
     pulses: PooledPulses,
     array: NominalArray,
     noise: Noise,
@@ -459,15 +521,12 @@ def expand(
 
     .. math:: C = \sum_k w_k \left(s^2 (\sqrt{1 + \chi_k^2 / s^2} - 1) + \tfrac{1}{2} \log |C_{\perp k}|\right)
 
-    The sum is over the pulses. The derivatives hold the covariances fixed. The weight of a pulse is the probability
-    that it came from its source, divided by the effective number of pulses that share its errors: with the trace S of
-    the shared part of the covariance and the trace N of the noise, :math:`(N + S) / (N + m S)` for m pulses.
+    The sum is over the pulses; their weights and covariances are fixed.
 
     Args:
         state: All states; the positions of the sources come first.
+        errors: Weights and covariances.
         source: Index of the source of each pulse, shape (n,).
-        probability: Probability that each pulse came from this source, shape (n,).
-        repeats: Effective number m of pulses that share the errors of each pulse, shape (n,).
         pulses: The pulses.
         array: The array as in its data sheet.
         noise: Standard deviations of errors that are not states.
@@ -475,45 +534,48 @@ def expand(
     """
     n, n_elements = pulses.strengths.shape
     n_sources = int(source.max()) + 1
-    errors = N_PLACE * n_sources
-    array_state, n_own = state[errors:], state.size - errors + N_PLACE
+    of_sources = N_PLACE * n_sources
+    array_state, n_own = state[of_sources:], state.size - of_sources + N_PLACE
     own_gradient, own_hessian = np.zeros((n_sources, n_own)), np.zeros((n_sources, n_own, n_own))
-    cost, misfit, log_det, weight = 0.0, np.empty(n), np.empty(n), np.empty(n)
+    cost, misfit = 0.0, np.empty(n)
     predicted = empty_prediction(n_elements, n_own)
+    model, residual, slopes, _ = predicted
     for k in range(n):
         s = source[k]
-        _, shared, by_noise = predict(k, state, N_PLACE * s, array_state, pulses, array, noise, predicted)
-        log_det[k] = whiten(predicted)
-        misfit[k] = dot(predicted.residual, predicted.residual)
-        weight[k] = probability[k] * (by_noise + shared) / (by_noise + repeats[k] * shared)
+        amplitude, _, _ = predict(k, state, N_PLACE * s, array_state, pulses, array, noise, predicted)
+        substitute(errors.factor[k], model, residual, slopes)
+        refined = 1.0 + dot(model, residual) / (dot(model, model) * amplitude)
+        remove_amplitude(model, residual.reshape(-1, 1))
+        remove_amplitude(model, slopes)
+        misfit[k] = dot(residual, residual)
         root = math.sqrt(1.0 + misfit[k] / robust_scale**2)
-        cost += weight[k] * (robust_scale**2 * (root - 1.0) + 0.5 * log_det[k])
+        cost += errors.weight[k] * (robust_scale**2 * (root - 1.0) + 0.5 * errors.log_det[k])
         for e in range(n_elements):
-            slope = predicted.slope[e]
+            slope = slopes[e]
             for i in range(n_own):
-                weighted, row = weight[k] / root * slope[i], own_hessian[s, i]
-                own_gradient[s, i] -= weighted * predicted.residual[e]
+                weighted, row = errors.weight[k] / root * refined * slope[i], own_hessian[s, i]
+                own_gradient[s, i] -= weighted * residual[e]
                 for j in range(i + 1):
-                    row[j] += weighted * slope[j]
+                    row[j] += weighted * refined * slope[j]
     gradient, hessian = np.zeros(state.size), np.zeros((state.size, state.size))
     for s in range(n_sources):
         for i in range(n_own):
-            row = N_PLACE * s + i if i < N_PLACE else errors + i - N_PLACE
+            row = N_PLACE * s + i if i < N_PLACE else of_sources + i - N_PLACE
             gradient[row] += own_gradient[s, i]
             for j in range(i + 1):
-                column = N_PLACE * s + j if j < N_PLACE else errors + j - N_PLACE
+                column = N_PLACE * s + j if j < N_PLACE else of_sources + j - N_PLACE
                 hessian[row, column] += own_hessian[s, i, j]
     for i in range(state.size):
         for j in range(i):
             hessian[j, i] = hessian[i, j]
-    return CostExpansion(cost, gradient, hessian, misfit, log_det, weight)
+    return CostExpansion(cost, gradient, hessian, misfit)
 
 
 @compiled
 def misfits(
     state: FloatArray, source: IntArray, pulses: PooledPulses, array: NominalArray, noise: Noise
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute `misfit` and `log_det` as in `CostExpansion`, without derivatives; arguments as in `expand`."""
+    """Compute `misfit` and `log_det` with the errors at the same state; arguments as in `expand`."""
     n, n_elements = pulses.strengths.shape
     errors = N_PLACE * (int(source.max()) + 1)
     array_state, misfit, log_det = state[errors:], np.empty(n), np.empty(n)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M, nominal_array
-from dirmusic.locating.measurement import N_PLACE, Noise, PooledPulses, expand
+from dirmusic.locating.measurement import N_PLACE, Noise, PooledPulses, errors_at, expand
 from dirmusic.locating.rules import LocatingRules
 from tests.benchmarks.free_field.assumed import as_assumed, expected_v, position_bound, prior_of
 from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
@@ -92,9 +92,11 @@ def test_bound_is_that_of_the_derivatives_of_the_fit() -> None:
     noisy = drawn._replace(case=drawn.case._replace(pulses=pulses), group=np.arange(n))
     case, usable = noisy.case, np.ones(pulses.strengths_v.shape, dtype=np.bool_)
     pooled = PooledPulses(case.pose[case.step], expected_v(noisy), pulses.variance_v2, usable)
-    fit = np.zeros(n, dtype=np.intp), np.ones(n), np.ones(n), pooled, nominal_array(case.array)
+    data = pooled, nominal_array(case.array), Noise(0.0, 0.0, 0.0)
+    source, once = np.zeros(n, dtype=np.intp), np.ones(n)
     state = np.concatenate([case.sources_m[0], noisy.array_state])
-    information = expand(state, *fit, Noise(0.0, 0.0, 0.0), robust_scale=1e6).hessian
+    errors = errors_at(state, source, once, once, *data)
+    information = expand(state, errors, source, *data, robust_scale=1e6).hessian
     information[2, 2] += HEIGHT_PRIOR_M[1] ** -2
     information[N_PLACE:, N_PLACE:] += prior_of(case).information
     np.testing.assert_allclose(position_bound(noisy), np.linalg.inv(information)[:2, :2], rtol=0.02, atol=1e-5)

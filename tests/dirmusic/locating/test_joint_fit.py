@@ -172,7 +172,7 @@ def test_unexplained_errors_put_in_come_out(unexplained: float) -> None:
 
 @pytest.mark.whole
 def test_source_below_the_array_is_not_certain_on_the_wrong_side() -> None:
-    """A source near the plane of the array is within 5 stated deviations, mostly within 3, from any start."""
+    """A source near the plane of the array is within 4 stated deviations, mostly within 3, from any start."""
     z, apart_m = [], []
     for k in range(30):
         rng = np.random.default_rng([11, k])
@@ -181,9 +181,9 @@ def test_source_below_the_array_is_not_certain_on_the_wrong_side() -> None:
         miss_m = np.array([fit.positions_m[0, 2] - own.place_m[2] for fit in fits])
         z += list(miss_m / np.sqrt([fit.covariances_m2[0, 2, 2] for fit in fits]))
         apart_m.append(abs(miss_m[1] - miss_m[0]))
-    assert np.abs(z).max() < 5.0
+    assert np.abs(z).max() < 4.0
     assert np.mean(np.abs(z) > 3.0) < 0.1
-    assert np.quantile(apart_m, 0.75) < 0.1
+    assert np.quantile(apart_m, 0.75) < 0.001
 
 
 @pytest.mark.whole

@@ -15,6 +15,8 @@ from dirmusic.locating.measurement import (
     PooledPulses,
     Prediction,
     compare,
+    errors_at,
+    expand,
     predict,
     whiten,
 )
@@ -138,6 +140,21 @@ def test_slopes_equal_central_differences() -> None:
         slope = across(result.model, result.slope)
         scale = np.abs(expected).max(axis=0).clip(1e-4)
         np.testing.assert_allclose(slope / scale, expected / scale, atol=1e-5)
+
+
+def test_gradient_is_that_of_the_cost() -> None:
+    """With fixed errors of the pulses, also those of another state, and without ground."""
+    nature = replace(NATURE, ground=0.0)
+    pulses, source, once = drawn_pulses(), np.zeros(N, dtype=np.intp), np.ones(N)
+    data = pulses, nominal_array(ARRAY), NOISE
+    at = np.concatenate([PLACE_M, state_of(nature)])
+    errors = errors_at(at + np.r_[0.5, -0.3, 0.4, np.zeros(at.size - 3)], source, once, once, *data)
+    gradient, step = expand(at, errors, source, *data, 6.0).gradient, 1e-6
+    expected = [
+        expand(at + each, errors, source, *data, 6.0).cost - expand(at - each, errors, source, *data, 6.0).cost
+        for each in step * np.eye(at.size)
+    ]
+    np.testing.assert_allclose(gradient, np.array(expected) / (2.0 * step), rtol=1e-5, atol=1e-5)
 
 
 def test_covariance_is_that_of_pose_noise_and_ground() -> None:
