@@ -10,8 +10,7 @@ import numpy as np
 import PyNEC
 from numpy.typing import NDArray
 
-from dirmusic.arrays import FloatArray
-
+FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 ETA_OHM = 376.730313

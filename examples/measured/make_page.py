@@ -6,6 +6,7 @@ uv run --extra measured python examples/measured/make_page.py DATA  # a folder w
 from __future__ import annotations
 
 import sys
+from argparse import ArgumentParser
 from pathlib import Path
 
 import powder
@@ -15,6 +16,7 @@ from result import HEADINGS, Run
 
 PAGE = Path(__file__).parents[2] / "docs" / "measured.md"
 TEMPLATE = Path(__file__).with_name("page.md")
+SETS = ("rfid", "wifi_robot", "powder")
 
 
 def table(runs: list[Run]) -> str:
@@ -23,7 +25,7 @@ def table(runs: list[Run]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def main(data: Path) -> None:
+def main(data: Path, page: Path) -> None:
     """Evaluate all sets, print the tables and write the page."""
     tables = {
         "rfid": table(rfid.evaluate(data / "rfid")),
@@ -31,15 +33,19 @@ def main(data: Path) -> None:
         "powder": powder.evaluate(data / "powder"),
         "powder two": powder.evaluate_two(data / "powder"),
     }
-    page = TEMPLATE.read_text(encoding="utf-8")
-    for name, text in tables.items():
-        sys.stdout.write(f"{name}\n\n{text}\n\n")
-        page = page.replace(f"<!-- {name} -->", text)
-    PAGE.write_text(page, encoding="utf-8")
+    text = TEMPLATE.read_text(encoding="utf-8")
+    for name, each in tables.items():
+        sys.stdout.write(f"{name}\n\n{each}\n\n")
+        text = text.replace(f"<!-- {name} -->", each)
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
-        sys.stderr.write("usage: make_page.py DATA, a folder with the folders rfid, powder and wifi_robot\n")
-        sys.exit(2)
-    main(Path(sys.argv[1]))
+    parser = ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("data", type=Path, help=f"folder with the folders {', '.join(SETS)}")
+    parser.add_argument("--page", type=Path, default=PAGE, help="page to write (default: docs/measured.md)")
+    given = parser.parse_args()
+    found = [name for name in SETS if (given.data / name).is_dir()]
+    if len(found) < len(SETS):
+        parser.error(f"{given.data} must have the folders {', '.join(SETS)}, got {', '.join(found) or 'none of them'}")
+    main(given.data, given.page)

@@ -24,21 +24,27 @@ BIN = Path(sys.executable).parent
 LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
 
 ELSEWHERE = {
-    "answers.md": "tests/test_answers.py",
     "gallery.md": "tests/browser/test_gallery.py",
-    "suite.md": "tests/envs/scenario/test_suite.py",
-    "sweeps.md": "tests/missions/sweep",
-    "how-to/antenna.md": "tests/examples/test_own.py",
     "how-to/estimator.md": "tests/examples/test_own.py",
     "how-to/policy.md": "tests/examples/test_own.py",
     "how-to/robot.md": "tests/examples/test_own.py",
-    "how-to/locate.md": "tests/missions/field",
     "how-to/training.md": "tests/examples/test_learning.py",
     "how-to/learning_libraries.md": "tests/examples/test_learning_libraries.py",
     "how-to/trend.md": "tests/examples/test_campaign.py",
     "how-to/equipment.md": "tests/robot_models/test_equipment.py",
 }
-"""Pages whose commands are run by other tests, most of them with fewer missions or other files."""
+"""Pages whose commands are all run by other tests."""
+
+DATA_PAGES = ("how-to/locate.md", "how-to/antenna.md", "answers.md", "sweeps.md", "suite.md")
+"""Pages whose commands `test_commands_on_data` runs, except for sweeps, which take hours: their plans are made below,
+and tests/missions/sweep runs small ones."""
+
+EXAMPLES = {
+    "antenna": "tests/examples/test_antenna.py",
+    "measured": "tests/examples/test_measured.py",
+    "site_map": "tests/missions/site_map_files",
+}
+"""Examples that no page includes, with the tests that run their commands."""
 
 NOT_RUN = {
     "pip install": "changes the installation",
@@ -63,7 +69,8 @@ PAGES = {file.relative_to(DOCS).as_posix(): text_of(file) for file in sorted(DOC
 
 def lines(text: str) -> list[str]:
     """Return the lines of all shell blocks without comments; lines that are continued are joined."""
-    shell = [block.replace("\\\n", " ") for block in blocks("sh", text)]
+    joined = [block.replace("\\\n", " ") for block in blocks("sh", text)]
+    shell = [re.sub(r"'[^']*'", lambda quoted: quoted[0].replace("\n", ""), block) for block in joined]
     shown = [line.split("  #")[0].strip() for block in shell for line in block.splitlines()]
     return [line for line in shown if line not in ("", "pip install uv") and not line.startswith(tuple(NOT_RUN))]
 
@@ -132,9 +139,15 @@ def test_other_steps_of_the_docs_run(steps: list[str], top: Path) -> None:
 
 def test_every_command_of_the_docs_is_run_by_a_test() -> None:
     known = {*commands(), *lines(PAGES["tutorial.md"]), *lines(PAGES["how-to/yard.md"])}
-    others = {name: text for name, text in PAGES.items() if name not in ELSEWHERE}
+    others = {name: text for name, text in PAGES.items() if name not in (*ELSEWHERE, *DATA_PAGES)}
     assert [(name, line) for name, text in others.items() for line in lines(text) if line not in known] == []
-    assert [place for place in ELSEWHERE.values() if not (ROOT / place).exists()] == []
+    assert [place for place in (*ELSEWHERE.values(), *EXAMPLES.values()) if not (ROOT / place).exists()] == []
+    of_rows = [line for name in DATA_PAGES[2:] for line in lines(PAGES[name])]
+    assert {line.split()[1] for line in of_rows} == {"results", "run", "sweep"}
+    included = {
+        found for page in DOCS.rglob("*.md") for found in re.findall(r"examples/(\w+)/README", page.read_text())
+    }
+    assert {file.parent.name for file in (ROOT / "examples").glob("*/README.md")} == included | set(EXAMPLES)
     assert [name for name in ELSEWHERE if not lines(PAGES[name])] == []
     everything = "\n".join(block for text in PAGES.values() for block in blocks("sh", text))
     assert [start for start in NOT_RUN if f"\n{start}" not in f"\n{everything}"] == []
