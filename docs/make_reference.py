@@ -94,7 +94,7 @@ def keys_markdown(name: str) -> str:
     """Make the Markdown table of the keys of a model; rows of tables within it link to them."""
     schema = TABLES[name].schema
     lines = [_row(key, value, key in schema.get("required", ())) for key, value in schema["properties"].items()]
-    return markdown(["key", "unit", "default", "allowed", "meaning"], lines)
+    return markdown(["key", "meaning", "unit", "default", "allowed"], lines)
 
 
 def _row(key: str, value: Mapping[str, Any], is_required: bool) -> list[str]:
@@ -102,10 +102,10 @@ def _row(key: str, value: Mapping[str, Any], is_required: bool) -> list[str]:
         target = TABLES[names[-1]]
         meaning = value.get("description") or target.schema["description"].split("\n\n")[0]
         most = f"at most {value['maxItems']}" if "maxItems" in value else ""
-        return [f"[`{key}`](#{target.anchor})", "", "required" if is_required else "", most, _text(meaning)]
+        return [f"[`{key}`](#{target.anchor})", _text(meaning), "", "required" if is_required else "", most]
     unit = next((unit for end, unit in UNITS.items() if f"_{key}".endswith(f"_{end}")), "")
     default = "required" if is_required else _literal(value["default"]) if "default" in value else ""
-    return [f"`{key}`", unit, default, _allowed(value), _text(value["description"])]
+    return [f"`{key}`", _text(value["description"]), unit, default, _allowed(value)]
 
 
 def _literal(value: Any) -> str:  # noqa: ANN401 - a value of JSON

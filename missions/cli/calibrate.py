@@ -12,6 +12,7 @@ from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.arguments import Flag
 from pdpatrol.missions.cli.terminal import say
 from pdpatrol.missions.field.turns import learn_from_turns
+from pdpatrol.missions.record.words import counted
 
 Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
 
@@ -43,7 +44,8 @@ def calibrate(
     strongest = int(np.argmax(learned.gain_db))
     missing = int(np.sum(~learned.is_measured))
     say(
-        f"{out_file}: {n_turns} turns, strongest at {np.degrees(learned.off_boresight_rad[strongest]):.0f} degrees, "
+        f"{out_file}: {counted(n_turns, 'turn')}, "
+        f"strongest at {np.degrees(learned.off_boresight_rad[strongest]):.0f} degrees, "
         f"{np.ptp(learned.gain_db):.1f} dB above the weakest direction; {_spread_text(learned)}"
     )
     if missing:
@@ -62,7 +64,7 @@ def _text(learned: LearnedPattern, n_turns: int) -> str:
     deviations = [f"#   {a:g}, {std:.2f}" for a, std in zip(angle_deg, learned.std_db, strict=True)]
     rows = [f"{a:g},{gain:.3f}" for a, gain in zip(angle_deg, learned.gain_db, strict=True)]
     head = [
-        f"# Learned from {n_turns} turns: {_spread_text(learned)}.",
+        f"# Learned from {counted(n_turns, 'turn')}: {_spread_text(learned)}.",
         "# Standard deviation of a turn about the mean, in dB, by angle in degrees:",
     ]
     return "\n".join([*head, *deviations, "angle_deg,gain_db", *rows, ""])

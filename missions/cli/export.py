@@ -24,8 +24,8 @@ def export(
     """Write a mission in the formats of other tools, or the yard of a scenario as a map.
 
     The files of a mission are findings.csv for spreadsheets; findings.geojson for maps, if the scenario has the
-    table [georeference] or the survey was located with --georeference; steps.parquet and pulses.parquet for data frames
-    (pandas, polars); and mission.mcap for ROS 2 and Foxglove, with poses, transforms, lidar scans, and markers for the
+    table [georeference] or the survey was located with --georeference; steps.parquet and pulses.parquet for pandas
+    and polars; and mission.mcap for ROS 2 and Foxglove, with poses, transforms, lidar scans, and markers for the
     yard, bearings and findings. The file of a scenario is yard.geojson, which `pdpatrol import` reads.
 
     Args:

@@ -15,6 +15,7 @@ from pdpatrol.missions.cli.terminal import err, note, out, output_folder, print_
 from pdpatrol.missions.field.gap.compare import compare, fitted_scenario, survey_of
 from pdpatrol.missions.field.gap.output import as_json, draw_gap, gap_table
 from pdpatrol.missions.field.survey import Heading, Positive
+from pdpatrol.missions.record.words import counted
 
 
 def gap(
@@ -49,7 +50,7 @@ def gap(
         data = read_survey(recording, survey)
         note(*data.notes)
         with progress_bar() as progress:
-            bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
+            bar = progress.add_task(counted(data.step.size, "pulse"), total=1.0)
             found = compare(data, scenario, survey, lambda share: progress.advance(bar, share))
         with err.status("Writing report"):
             with atomic_file(folder / "gap.png") as picture:

@@ -9,6 +9,7 @@ from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.arguments import Flag, optional
 from pdpatrol.missions.cli.terminal import note, refuse, say
+from pdpatrol.missions.record.words import counted
 from pdpatrol.missions.scenario_picture import write_picture
 from pdpatrol.missions.site_map_files import site_scenario
 
@@ -46,8 +47,9 @@ def import_site(
     scenario = load_scenario(target)
     if picture:
         write_picture(scenario, png)
-    counts = f"{len(yard.equipment)} pieces, {len(yard.site_names())} sites, {len(notes)} notes"
-    say(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {counts}")
+    counts = (len(yard.equipment), "piece"), (len(yard.site_names()), "site"), (len(notes), "note")
+    in_words = ", ".join(counted(n, noun) for n, noun in counts)
+    say(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {in_words}")
 
 
 import_site.__name__ = "import"  # the verb, which is not a name in Python

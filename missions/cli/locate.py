@@ -15,6 +15,7 @@ from pdpatrol.missions.field.field_data import FieldData, read_field_data
 from pdpatrol.missions.field.follow import RECEIVED
 from pdpatrol.missions.field.locate_field_data import locate_field_data
 from pdpatrol.missions.field.survey import SurveyOptions
+from pdpatrol.missions.record.words import counted
 from pdpatrol.missions.runner import Stopwatch
 
 
@@ -65,15 +66,15 @@ def locate(
         with err.status(f"Reading {table.name}"), stopwatch.on("reading"):
             data = replace(read_survey(table, survey), path=title)
         with progress_bar() as progress, stopwatch.on("locating"):
-            bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
+            bar = progress.add_task(counted(data.step.size, "pulse"), total=1.0)
             log = locate_field_data(data, survey, lambda share: progress.advance(bar, share))
         with err.status("Writing log, report and recording"), stopwatch.on("log, report and recording"):
             report = write_mission(log, stopwatch.total_s, folder)
     if timing:
         print_times(stopwatch)
     note(*report.notes)
-    counts = f"{data.time_s.size} poses, {data.step.size} pulses, {report.n_bearings} bearings"
-    print_outcome(report, folder, [counts], json_output)
+    counts = (data.time_s.size, "pose"), (data.step.size, "pulse"), (report.n_bearings, "bearing")
+    print_outcome(report, folder, [", ".join(counted(n, noun) for n, noun in counts)], json_output)
 
 
 def read_survey(path: Path, survey: SurveyOptions) -> FieldData:

@@ -8,6 +8,7 @@ import tyro
 
 from pdpatrol.missions.cli.arguments import Flag, optional
 from pdpatrol.missions.cli.terminal import note, out, output_folder, refuse, say
+from pdpatrol.missions.record.words import counted
 from pdpatrol.missions.sweep import analysis, dataset, tables
 from pdpatrol.missions.sweep.figures import draw_figures
 
@@ -65,4 +66,4 @@ def results(
             name = f"{row['scenario']}, {row['policy']}, seed {row['seed']}"
             say(f"{name}: {row['status']}: {reason}", hanging=2)
         if missing := sum(each.manifest.n_missions - len(each.read()) for each in datasets):
-            say(f"{missing} missions are missing: run the command of the sweep again to continue it")
+            say(f"{counted(missing, 'mission')} missing: run the command of the sweep again to continue it")

@@ -17,6 +17,7 @@ from pdpatrol.missions.cli.process import deferred_signals
 from pdpatrol.missions.cli.terminal import err, fail, note, output_folder, progress_bar, say
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
+from pdpatrol.missions.record.words import counted
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import battery_text, inspection_text
 from pdpatrol.missions.runner import Mission, Stopwatch
@@ -118,7 +119,7 @@ def _summary(report: Report) -> list[str]:
     facts = f"{report.ending} after {time_s}", f"{report.distance_m:.0f} m driven", battery_text(report)
     lines = [
         "; ".join(filter(None, facts)),
-        f"{report.n_bearings} bearings; {report.collisions} collisions",
+        f"{counted(report.n_bearings, 'bearing')}; {counted(report.collisions, 'collision')}",
     ]
     for kind, numbers in (("missed", report.waypoints.missed), ("unreachable", report.waypoints.unreachable)):
         if numbers:
@@ -126,8 +127,11 @@ def _summary(report: Report) -> list[str]:
     if report.inspection is not None and report.findings:  # otherwise the summary states it
         lines.append(inspection_text(report.inspection))
     scores = report.scores
-    found = f"{len(scores.matches)} of {len(scores.sources)} sources found, {scores.false_findings} false findings"
-    lines.append(f"{found}; {scores.wrong_confirmations} of {scores.confirmations} confirmations were wrong")
+    n_false, n_wrong = counted(scores.false_findings, "false finding"), scores.wrong_confirmations
+    lines.append(
+        f"{len(scores.matches)} of {len(scores.sources)} sources found, {n_false}; "
+        f"{n_wrong} of {scores.confirmations} confirmations were wrong"
+    )
     lines += [
         f"false all-clear: {site} was inspected, but its source was not found" for site in scores.false_all_clears or ()
     ]

@@ -12,6 +12,7 @@ from pdpatrol.envs.scenario import SHIPPED, load_scenario, shipped_scenarios
 from pdpatrol.envs.scenario.suite import load_suite
 from pdpatrol.missions.cli.arguments import JsonOutput, optional
 from pdpatrol.missions.cli.terminal import err, note, out, refuse, say
+from pdpatrol.missions.record.words import counted
 from pdpatrol.missions.scenario_picture import write_picture
 from pdpatrol.sensing import HelicalArray
 
@@ -56,7 +57,7 @@ def scenarios(
     if json_output:
         out.print_json(data={"scenario": loaded.name, "sources": n_sources, "candidate_sites": n_sites})
         return
-    say(f"{scenario}: no errors; {n_sources} sources, {n_sites} candidate sites")
+    say(f"{scenario}: no errors; {counted(n_sources, 'source')}, {counted(n_sites, 'candidate site')}")
     if png is not None:
         say(f"Written: {png}")
 

@@ -14,6 +14,7 @@ from pdpatrol.missions.cli.arguments import OutFolder, Settings, optional
 from pdpatrol.missions.cli.process import one_line
 from pdpatrol.missions.cli.terminal import err, fail, out, progress_bar, refuse, say
 from pdpatrol.missions.first_run import compile_at_first_run
+from pdpatrol.missions.record.words import counted
 from pdpatrol.missions.sweep.analysis import summarise_groups
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan, parse_grid
@@ -83,7 +84,7 @@ def sweep(
     limits = MissionLimits(wall_limit_s, int(memory_gb * 1e9))
     try:
         with progress_bar() as progress:
-            bar = progress.add_task(f"{n_missions} missions", total=n_missions, completed=n_missions - len(jobs))
+            bar = progress.add_task(counted(n_missions, "mission"), total=n_missions, completed=n_missions - len(jobs))
 
             def finish(row: MissionRow) -> None:
                 dataset.write(row)

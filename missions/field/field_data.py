@@ -11,6 +11,7 @@ from pdpatrol.missions.field.input_table import InputTable, read_table
 from pdpatrol.missions.field.instruments.record import MAX_VOLTS
 from pdpatrol.missions.field.survey import HEADINGS, Heading
 from pdpatrol.missions.field.waveform_files import TablePulses, read_waveforms
+from pdpatrol.missions.record.words import counted
 
 MIN_CHANNELS, MAX_CHANNELS = 3, 32
 """Range of the number of channels. With two elements, most ratios of strengths occur in two directions; no portable
@@ -104,7 +105,7 @@ def assemble(path: Path, poses: FloatArray, phase_rad: FloatArray, pulses: Table
     notes += pulses.notes
     notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
     if not is_complete.all():
-        notes.append(f"{np.sum(~is_complete)} pulses with a channel of zeros: left out")
+        notes.append(f"{counted(np.sum(~is_complete), 'pulse')} with a channel of zeros: left out")
     row, used = pulses.row[is_complete], np.ix_(is_complete, is_alive)
     step = step_of_row[row]
     batch = PulseBatch.detected(steps[step, 0], pulses.strengths_v[used], pulses.variance_v2[used], phase_rad[row])

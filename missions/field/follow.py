@@ -13,7 +13,7 @@ from pdpatrol.missions.field.line_sources import Report
 from pdpatrol.missions.field.locate_field_data import FieldLocator
 from pdpatrol.missions.field.record_table import RecordTable
 from pdpatrol.missions.field.survey import SurveyOptions
-from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.record.words import percent
 
 RECEIVED = "received.csv"
 """Name of the table of received records in the output folder."""

@@ -17,6 +17,7 @@ from pdpatrol.missions.field.field_data import MIN_STRENGTH_V, FieldData, assemb
 from pdpatrol.missions.field.instruments.record import MAX_VOLTS
 from pdpatrol.missions.field.survey import SurveyOptions
 from pdpatrol.missions.field.waveform_files import TablePulses
+from pdpatrol.missions.record.words import counted
 
 PULSE = "std_msgs/Header header\nfloat64[] strengths_v\nfloat64[] std_v\nfloat64 mains_phase_rad\nbool is_clipped\n"
 """Definition of `pdpatrol_msgs/Pulse`, for recordings that do not contain it."""
@@ -165,5 +166,5 @@ def _field_data(path: Path, poses: FloatArray, pulses: BagPulses) -> FieldData:
     data = assemble(path, rows[order], phase_rad, used)
     if has_pose.all():
         return data
-    note = f"{np.sum(~has_pose)} pulses without poses within {LONGEST_S:g} s: left out"
+    note = f"{counted(np.sum(~has_pose), 'pulse')} without poses within {LONGEST_S:g} s: left out"
     return replace(data, notes=(*data.notes, note))

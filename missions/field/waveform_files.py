@@ -14,6 +14,7 @@ from dirmusic.pulses.strengths import strengths_of_energies
 from pdpatrol.missions.field.input_table import InputTable
 from pdpatrol.missions.field.instruments import WaveformRecord, read_record
 from pdpatrol.missions.field.record_pulses import RecordPulses, find_pulses
+from pdpatrol.missions.record.words import counted
 
 PRIOR_QUIET = 200
 """Number of quiet samples of a record for which its own noise and the median of the survey weigh the same. Assumed; few
@@ -160,7 +161,7 @@ def _strengths(
 
 def _record_notes(found: list[RecordPulses], noise_v2: FloatArray, noise_v: float | None) -> list[str]:
     n_pulses, n_empty = sum(len(each.energy_v2) for each in found), sum(each.n_empty for each in found)
-    notes = [f"{n_pulses} pulses found in {len(found)} records"]
+    notes = [f"{counted(n_pulses, 'pulse')} found in {counted(len(found), 'record')}"]
     if n_empty:
         notes.append(f"{n_empty} records or segments hold no pulse above the noise: left out")
     std_v, offset_v = np.sqrt(np.median(noise_v2, axis=0)), np.median([each.offset_v for each in found], axis=0)

@@ -20,7 +20,7 @@ from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
-from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.record.words import percent
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.finding import draw_positions, log_density
+from pdpatrol.missions.record.words import percent
 from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -88,13 +89,6 @@ def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: Floa
     top_m2 = 4.0 * solids.half_size_m.prod(axis=1) + np.pi * np.square(solids.radius_m)
     area_m2 = around_m * (solids.top_m - solids.bottom_m) + top_m2
     return is_near.mean(axis=0) / (2.0 * LAYER_M * area_m2.sum())
-
-
-def percent(probability: float) -> str:
-    """Format a probability, such as `82 %`, `> 99 %` or `< 1 %`."""
-    if probability > 0.99:
-        return "> 99 %"
-    return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
 def in_words(probabilities: Mapping[str, float]) -> str:

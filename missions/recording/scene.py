@@ -36,9 +36,14 @@ def labels_3d(places: Mapping[str, ArrayLike]) -> rr.Points3D:
     return rr.Points3D(list(places.values()), labels=list(places), colors=colour, radii=0.01, show_labels=True)
 
 
+STEPS_PER_M = 64
+"""Steps per metre to which lines are rounded, finer than a pixel: binary fractions shorten recordings by a tenth."""
+
+
 def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
     """Return lines whose width is in points of the screen."""
-    return rr.LineStrips3D(lines, colors=colour, radii=rr.Radius.ui_points(width))
+    rounded = [np.rint(STEPS_PER_M * np.asarray(line)) / STEPS_PER_M for line in lines]
+    return rr.LineStrips3D(rounded, colors=colour, radii=rr.Radius.ui_points(width))
 
 
 def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:

@@ -8,7 +8,7 @@ import rerun as rr
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.record.words import percent
 from pdpatrol.missions.recording.findings import name_of
 from pdpatrol.missions.recording.motion import LogBin, set_step, time_of
 from pdpatrol.missions.recording.scene import labels_3d

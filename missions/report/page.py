@@ -17,7 +17,7 @@ from pdpatrol.envs.scenario.severity import SeverityTable, default_severity
 from pdpatrol.envs.scenario.survey import IS_DAY
 from pdpatrol.missions.record.log_contents import survey_of
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.record.words import percent
 from pdpatrol.missions.report.figures import STYLE, draw_gains, draw_phase_pattern, draw_site_plan
 from pdpatrol.missions.report.finding_pictures import draw_finding_pictures
 from pdpatrol.missions.report.records import Report

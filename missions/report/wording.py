@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pdpatrol.missions.record.events import Phase
-from pdpatrol.missions.record.which_site import in_words, percent
+from pdpatrol.missions.record.which_site import in_words
+from pdpatrol.missions.record.words import percent
 from pdpatrol.missions.report.records import FindingRecord, Report, SiteInspections
 
 SITE_STATES = {

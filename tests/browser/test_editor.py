@@ -154,7 +154,7 @@ def test_yard_of_twelve_pieces_is_drawn_saved_checked_planned_and_run(tmp_path: 
     (source,) = load_scenario(file).sources
     assert (source.name, source.kind, source.sites) == ("crack", "void", ("t1/hv_bushing_2",))
 
-    assert "no errors; 1 sources" in pdpatrol("scenarios", "new.toml", cwd=tmp_path).stdout
+    assert "no errors; 1 source," in pdpatrol("scenarios", "new.toml", cwd=tmp_path).stdout
     planned = pdpatrol("plan", "new.toml", "--out", "plan", cwd=tmp_path)
     assert planned.returncode == 0, planned.stderr
     with file.open("a", encoding="utf-8") as text:

@@ -72,4 +72,4 @@ def test_levels_in_volts_are_refused(tmp_path: Path) -> None:
 def test_spread_of_a_single_turn_is_unknown(tmp_path: Path) -> None:
     out = tmp_path / "pattern.csv"
     calibrate(write_turn(tmp_path / "turns.csv", 360), source_m=(10.0, 0.0), out_file=out)
-    assert "# Learned from 1 turns: how much turns differ is unknown, because there is only one." in out.read_text()
+    assert "# Learned from 1 turn: how much turns differ is unknown, because there is only one." in out.read_text()

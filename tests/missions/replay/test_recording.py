@@ -16,6 +16,7 @@ from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.recording import Recorder, write_recording
 from pdpatrol.missions.recording.findings import UNITS_PER_DB
+from pdpatrol.missions.recording.scene import STEPS_PER_M
 from pdpatrol.robot_models.world import describe_equipment
 from tests.missions.conftest import call
 from tests.missions.field.surveys import EXAMPLE, log_of_table
@@ -187,8 +188,11 @@ def test_dropped_finding_is_cleared(tmp_path: Path, log: MissionLog) -> None:
 def test_rays_start_at_the_robot_and_follow_the_bearings(drawn: Entities, log: MissionLog) -> None:
     pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse")]
     rays = np.concatenate([own for _, own in sorted(drawn["world/bearings"]["strips"].items())])
-    np.testing.assert_allclose(rays[:, 0, :2], log.column("step", "pose")[pulse_step, :2], atol=1e-5)
-    np.testing.assert_allclose(direction(rays), log.column("bearing", "bearing_rad"), atol=1e-5)
+    half_step_m = 0.501 / STEPS_PER_M  # of each coordinate of both ends of a ray 25 m long
+    np.testing.assert_allclose(rays[:, 0, :2], log.column("step", "pose")[pulse_step, :2], atol=half_step_m)
+    np.testing.assert_allclose(
+        direction(rays), log.column("bearing", "bearing_rad"), atol=np.sqrt(8) * half_step_m / 25
+    )
     for step, (degrees,) in drawn["plots/directions/bearing"]["scalars"].items():
         assert np.abs(np.degrees(log.column("bearing", "bearing_rad")[pulse_step == step]) - degrees).min() < 1e-4
 
