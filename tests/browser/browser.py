@@ -104,6 +104,28 @@ def picture_when(
     return seen
 
 
+def still_picture(page: Page, name: str, limit_s: float = 120.0) -> None:
+    """Keep a picture when robot and plan have stopped moving; in software, a frame takes a second."""
+    before = [picture(page, name)]
+
+    def is_still(seen: NDArray[np.uint8]) -> bool:
+        page.wait_for_timeout(6000)
+        before.append(seen)
+        return bool((before[-1][50:530, :1190] == before[-2][50:530, :1190]).mean() > 0.9999)
+
+    picture_when(page, name, is_still, limit_s)
+
+
+def keep_middle_and_end(page: Page, name: str) -> None:
+    """Pause a replay, and keep pictures of its middle and its end, in a window of 1600 x 1000."""
+    page.set_viewport_size({"width": 1600, "height": 1000})
+    page.mouse.click(26, 986)  # pause
+    for place, x_px in (("middle", 840), ("end", 1394)):
+        page.mouse.click(x_px, 986)  # on the time line
+        page.mouse.move(1500, 940)
+        still_picture(page, f"{name}-{place}")
+
+
 def n_colours(seen: NDArray[np.uint8]) -> int:
     """Return the number of different colours of a picture."""
     return np.unique(seen.reshape(-1, 3), axis=0).shape[0]

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import runpy
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, picture, picture_when, served
+from tests.browser.browser import (
+    NEEDS_CHROMIUM,
+    Theme,
+    keep_middle_and_end,
+    n_colours,
+    opened,
+    picture_when,
+    served,
+)
 from tests.docs.site import ROOT, build_site
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
 
 pytest.importorskip("zensical", reason="uv run --group docs")
 pytestmark = [
@@ -66,24 +70,8 @@ def test_click_on_a_picture_replays_the_mission(name: str, theme: Theme, site: P
         assert has_drawn(seen)
         bar = float(seen[:20].mean())
         assert bar > 200 if theme == "light" else bar < 60
-        page.mouse.click(26, 986)  # pause
-        for place, x_px in (("middle", 840), ("end", 1394)):
-            page.mouse.click(x_px, 986)  # on the time line
-            page.mouse.move(1500, 940)
-            still_picture(page, f"gallery-{name}-{theme}-{place}")
+        keep_middle_and_end(page, f"gallery-{name}-{theme}")
         assert errors == []
-
-
-def still_picture(page: Page, name: str, limit_s: float = 120.0) -> None:
-    """Keep a picture when robot and plan have stopped moving; in software, a frame takes a second."""
-    before = [picture(page, name)]
-
-    def is_still(seen: NDArray[np.uint8]) -> bool:
-        page.wait_for_timeout(6000)
-        before.append(seen)
-        return bool((before[-1][50:530, :1190] == before[-2][50:530, :1190]).mean() > 0.9999)
-
-    picture_when(page, name, is_still, limit_s)
 
 
 def shows_yard_robot_and_phases(seen: NDArray[np.uint8]) -> bool:
