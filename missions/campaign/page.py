@@ -25,6 +25,9 @@ COLOURS = {
 }
 """Colour of a discharge, by the change since earlier inspections."""
 
+TEXTS = {"not known": "change not known"}
+"""Text of a change, where it differs from its name."""
+
 HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "growth\n(dB/week)", "Rate\n(1/s)", "growth\n(%/week)")
 """Column headings for `summary_row`; a terminal shows them on two lines."""
 
@@ -49,8 +52,10 @@ def describe_change(discharge: TrackedDischarge) -> str:
         words.append(f"constant within {max(-slope.lower, slope.upper):.1f} dB a week")
     elif slope and discharge.verdict == "not known":
         words.append(f"not known: growth between {slope.lower:+.1f} and {slope.upper:+.1f} dB a week is possible")
-    elif discharge.verdict != "too few dates" or not words:
+    elif discharge.verdict != "too few dates":
         words.append(discharge.verdict)
+    elif not words:
+        words.append("not known: too few dates")
     if seen[-1].presence == "not inspected":
         words.append(f"not inspected on {seen[-1].date}")
     return "; ".join(words)
@@ -87,8 +92,7 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
         inspections: Inspections from which the trend was made.
     """
     counts = Counter(change_of(discharge) for discharge in trend.discharges)
-    texts = {"not known": "of unknown change"}
-    listed = ", ".join(f"{count} {texts.get(change, change)}" for change, count in counts.items())
+    listed = ", ".join(f"{count} {TEXTS.get(change, change)}" for change, count in counts.items())
     return render(
         "campaign/trend.html",
         title="Partial discharge trend",
@@ -120,8 +124,7 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
         for discharge in trend.discharges:
             change, (x, y, _) = change_of(discharge), discharge.position_m
             axes.plot(x, y, "o", color=COLOURS[change], markersize=8, markeredgecolor="white", zorder=7)
-            text = "change not known" if change == "not known" else change
-            draw_label(axes, f"{discharge.number}: {text}", (x, y), (0.0, 14.0), COLOURS[change])
+            draw_label(axes, f"{discharge.number}: {TEXTS.get(change, change)}", (x, y), (0.0, 14.0), COLOURS[change])
         move_labels_apart(figure)
     return figure
 
