@@ -9,11 +9,11 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import pytest
@@ -76,10 +76,28 @@ class QuietHandler(SimpleHTTPRequestHandler):
         """Do nothing."""
 
 
+class ThrottledHandler(QuietHandler):
+    """Handler that sends the first fifth of a recording at once, and the rest at 200 bytes per second."""
+
+    sent_share = 0.0
+    """Share of the latest recording that was sent."""
+
+    def copyfile(self, source: Any, outputfile: Any) -> None:  # noqa: ANN401 - as in the base class
+        """Send a file."""
+        data = source.read()
+        first = len(data) // 5 if self.path.partition("?")[0].endswith(".rrd") else len(data)
+        outputfile.write(data[:first])
+        with suppress(OSError):  # the browser is closed
+            for at in range(first, len(data), 100):
+                ThrottledHandler.sent_share = at / len(data)
+                time.sleep(0.5)
+                outputfile.write(data[at : at + 100])
+
+
 @contextmanager
-def served(folder: Path) -> Iterator[str]:
+def served(folder: Path, handler: type[QuietHandler] = QuietHandler) -> Iterator[str]:
     """Serve a folder on this machine, and yield the address."""
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=str(folder))) as server:
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=str(folder))) as server:
         threading.Thread(target=server.serve_forever).start()
         try:
             yield f"http://127.0.0.1:{server.server_port}"

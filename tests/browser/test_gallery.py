@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tests.browser.browser import (
     NEEDS_CHROMIUM,
     Theme,
+    ThrottledHandler,
     keep_middle_and_end,
     n_colours,
     opened,
@@ -84,10 +85,9 @@ def shows_yard_robot_and_phases(seen: NDArray[np.uint8]) -> bool:
 
 def test_first_fifth_of_a_recording_shows_yard_robot_and_phases(site: Path) -> None:
     """On a slow connection, the first screen is complete before the rest of the file has arrived."""
-    data = (site / "replay" / "two_sources.rrd").read_bytes()
-    (site / "first_fifth.rrd").write_bytes(data[: len(data) // 5])
-    with served(site) as url:
-        address = f"{url}/replay/index.html?hide_welcome_screen&theme=dark&url={url}/first_fifth.rrd"
+    with served(site, ThrottledHandler) as url:
+        address = f"{url}/replay/index.html?hide_welcome_screen&theme=dark&url={url}/replay/two_sources.rrd"
         with opened(address, "dark") as (page, _):
             page.set_viewport_size({"width": 1600, "height": 1000})
             assert shows_yard_robot_and_phases(picture_when(page, "gallery-first-fifth", shows_yard_robot_and_phases))
+            assert 0.2 <= ThrottledHandler.sent_share < 0.21
