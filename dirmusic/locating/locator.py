@@ -46,6 +46,7 @@ from dirmusic.locating.initiation import (
 from dirmusic.locating.joint_fit import ErrorLevels, JointEstimate, JointFit, array_prior, nominal_array
 from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
+from dirmusic.locating.pulse_pairs import compare_pairs
 from dirmusic.locating.pulse_pool import PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
@@ -464,15 +465,13 @@ class Locator:
                 continue
             rows = choose_evenly(np.flatnonzero(track.direct > FITTED_PROBABILITY), MOST_TESTED)
             track.n_tested = n
+            place = track.position_m, self._array_state, self._nominal
             track.two = compare_with_two(
-                self._pool.groups.take(rows),
-                track.direct[rows],
-                self._window[rows],
-                track.position_m,
-                self._array_state,
-                self._nominal,
-                self.pose_error,
+                self._pool.groups.take(rows), track.direct[rows], self._window[rows], *place, self.pose_error
             )
+            if not track.two.is_possible:
+                by_pairs = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place)
+                track.two = by_pairs if by_pairs.is_possible else track.two
             is_confirmed = track.state == "confirmed" and track.two.is_certain
             is_candidate = track.state == "candidate" and track.two.is_certain_of_candidate
             if (is_confirmed or is_candidate) and not track.twin:

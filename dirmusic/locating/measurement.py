@@ -645,6 +645,25 @@ def compare(
 
 
 @compiled
+def position_slopes(
+    place_m: FloatArray, array_state: FloatArray, pulses: PooledPulses, array: NominalArray, slopes: FloatArray
+) -> None:
+    """Compute the derivatives of predicted strengths by the position of the source, up to multiples of the strengths.
+
+    Args:
+        place_m: Position of the source, shape (3,).
+        array_state: States of the array, see `predict`.
+        pulses: The pulses.
+        array: The array as in its data sheet.
+        slopes: Output, shape (n, n_elements, N_PLACE).
+    """
+    predicted = empty_prediction(pulses.strengths.shape[1], N_PLACE + array_state.size)
+    for k in range(pulses.pose.shape[0]):
+        predict(k, place_m, 0, array_state, pulses, array, Noise(0.0, 0.0, 0.0), predicted)
+        slopes[k] = predicted.slope[:, :N_PLACE]
+
+
+@compiled
 def whiten_residuals(
     place_m: FloatArray,
     array_state: FloatArray,

@@ -27,6 +27,9 @@ different level, and gains are nearly linear over 5 degrees."""
 ACCURATE_RAD = np.radians(2.0)
 """Standard deviation of the direction above which its sector is 2, 4, ... 32 times as wide (assumed)."""
 
+PAIR_RAD = np.radians(20.0)
+"""Largest gap between directions of pulses that are compared in pairs (assumed): half a metre at a range of 1.4 m."""
+
 ROUNDING = 1e-6
 """Share of a window or second by which a time may be rounded down."""
 
@@ -69,6 +72,30 @@ class Groups(NamedTuple):
         return Groups(*columns)
 
 
+class PulsePairs(NamedTuple):
+    """Pairs of pulses that were detected at one pose from similar directions, one per row; no pulse is in two pairs.
+
+    Attributes:
+        group: Row in `PulsePool.groups` of each pulse, shape (n, 2).
+        difference: Difference of their strengths, which are scaled to unit norm, shape (n, n_elements).
+        variance: Noise variance of the difference, shape (n, n_elements).
+    """
+
+    group: IntArray
+    difference: FloatArray
+    variance: FloatArray
+
+    def take(self, rows: IntArray | slice) -> PulsePairs:
+        """Select pairs."""
+        columns: list[Any] = [column[rows] for column in self]
+        return PulsePairs(*columns)
+
+    def followed_by(self, later: PulsePairs) -> PulsePairs:
+        """Append pairs."""
+        columns: list[Any] = [np.concatenate(pair) for pair in zip(self, later, strict=True)]
+        return PulsePairs(*columns)
+
+
 class PulsePool:
     """All pulses so far, pooled, in the order in which they were added.
 
@@ -76,7 +103,7 @@ class PulsePool:
     window has been pooled.
 
     A channel that ceases to be usable was probably faulty for some time. It is left out of all pulses so far, and their
-    directions are estimated anew.
+    directions are estimated anew; the pairs so far are forgotten.
 
     Args:
         array: The array.
@@ -86,6 +113,7 @@ class PulsePool:
         groups: Groups so far.
         n_settled: Number of leading groups that later pulses cannot change.
         group: Row in `groups` of each pulse, shape (n_pulses,).
+        pairs: Pairs of pulses so far.
         places_m: Places of the array, one for each visited grid cell, shape (n_places, 3), world frame.
         listened: Row in `places_m` for each second of the mission, with or without pulses, shape (n_seconds,).
         listened_s: Time of those seconds.
@@ -97,7 +125,8 @@ class PulsePool:
         self._open = PulseBatch.none(n_elements), np.empty((0, 3)), np.empty(0, dtype=np.intp)
         self.group: IntArray = np.empty(0, dtype=np.intp)
         self.groups: Groups = pool_pulses(*self._open, self.group)
-        self.n_settled = 0
+        self.pairs = pair_pulses(self._open[0], self.group)
+        self.n_settled, self._n_settled_pairs = 0, 0
         self.places_m = np.empty((0, 3))
         self.listened, self.listened_s = np.empty(0, dtype=np.intp), np.empty(0)
         self._height_m, self._window_s = array.height_m, max(WINDOW_S, pose_error.correlation_s)
@@ -133,11 +162,13 @@ class PulsePool:
         is_settled = window < window.max(initial=0)
         self.groups = self.groups.take(slice(self.n_settled))
         self.group = self.group[: self.group.size - open_place.size]
+        self.pairs = self.pairs.take(slice(0 if has_fault else self._n_settled_pairs))
         for part in (is_settled, ~is_settled):
-            self.n_settled = len(self.groups.time_s)
+            self.n_settled, self._n_settled_pairs = len(self.groups.time_s), len(self.pairs.group)
             own = pulses.take(part), pose[part], place[part]
             number = group_numbers(*own, window[part])
             self.group = np.concatenate([self.group, self.n_settled + number])
+            self.pairs = self.pairs.followed_by(pair_pulses(own[0], self.n_settled + number))
             self.groups, self._open = self.groups.followed_by(pool_pulses(*own, number)), own
         return has_fault
 
@@ -257,6 +288,30 @@ def pool_pulses(pulses: PulseBatch, pose: FloatArray, place: IntArray, group: In
         azimuth_rad=difference(azimuth_rad, 0.0),
         std_rad=1.0 / np.sqrt(of_bearing),
         n_pulses=n_pulses,
+    )
+
+
+def pair_pulses(pulses: PulseBatch, group: IntArray) -> PulsePairs:
+    """Form pairs of consecutive pulses of one pose from similar directions: no gap between these exceeds `PAIR_RAD`.
+
+    Args:
+        pulses: Pulses with their directions, in order of time, n rows; those of one pose have the same time.
+        group: Row in `PulsePool.groups` of each pulse, shape (n,).
+    """
+    by_azimuth = np.lexsort((pulses.azimuth_rad, pulses.time_s))
+    gap_rad = np.diff(pulses.azimuth_rad[by_azimuth], prepend=-np.inf)
+    is_first = (np.diff(pulses.time_s[by_azimuth], prepend=-np.inf) > 0.0) | (gap_rad > PAIR_RAD)
+    cluster = np.empty(group.size, dtype=np.intp)
+    cluster[by_azimuth] = np.cumsum(is_first)
+    order = np.argsort(cluster, kind="stable")
+    rank = np.arange(order.size) - np.searchsorted(cluster[order], cluster[order])
+    first = np.flatnonzero((rank[:-1] % 2 == 0) & (cluster[order][1:] == cluster[order][:-1]))
+    one, other = order[first], order[first + 1]
+    strengths_v = pulses.strengths_v * pulses.is_usable
+    norm_v = np.maximum(np.linalg.norm(strengths_v, axis=-1, keepdims=True), np.finfo(np.float64).tiny)
+    strengths, variance = strengths_v / norm_v, pulses.variance_v2 / norm_v**2
+    return PulsePairs(
+        np.column_stack([group[one], group[other]]), strengths[other] - strengths[one], variance[one] + variance[other]
     )
 
 

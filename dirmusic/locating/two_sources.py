@@ -68,7 +68,8 @@ class TwoSources(NamedTuple):
         offsets_m: Offsets of both from the estimated position, shape (2, 3).
         shares: Share of each in the groups of the track, shape (2,).
         unexplained: Level of unexplained errors that suits two sources best.
-        near_m: Distance of the nearest groups from the track.
+        near_m: Distance of the nearest groups from the track; infinite if it does not matter.
+        least_apart_m: Distance below which they are not told from one.
     """
 
     evidence: float
@@ -76,6 +77,7 @@ class TwoSources(NamedTuple):
     shares: FloatArray
     unexplained: float = 0.0
     near_m: float = np.inf
+    least_apart_m: float = LEAST_APART_M
 
     @property
     def apart_m(self) -> float:
@@ -85,7 +87,7 @@ class TwoSources(NamedTuple):
     @property
     def is_possible(self) -> bool:
         """True if two sources explain the groups so much better than one that both are likely."""
-        is_between = LEAST_APART_M < self.apart_m < MOST_APART_M
+        is_between = self.least_apart_m < self.apart_m < MOST_APART_M
         return self._exceeds(POSSIBLE) and is_between and float(self.shares.min()) > LEAST_SHARE
 
     @property

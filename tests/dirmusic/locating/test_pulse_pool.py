@@ -49,7 +49,7 @@ def assert_equal(first: PulsePool, second: PulsePool) -> None:
     np.testing.assert_array_equal(second.listened, first.listened)
     np.testing.assert_allclose(second.listened_s, first.listened_s, atol=1e-6)
     np.testing.assert_array_equal(second.places_m, first.places_m)
-    for one, other in zip(first.groups, second.groups, strict=True):
+    for one, other in zip((*first.groups, *first.pairs), (*second.groups, *second.pairs), strict=True):
         np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
 
 
