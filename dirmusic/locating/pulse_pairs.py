@@ -158,6 +158,6 @@ def fit_mixture(data: WhitenedPairs, start: Mixture) -> Mixture:
         shares[1:3] = shares[1:3].mean()
         information: FloatArray = np.tensordot(own[1] + own[2], data.information, 1) / found.variance + prior
         pull: FloatArray = (own[1] - own[2]) @ data.along / found.variance
-        apart_m = np.linalg.solve(information, pull)
+        apart_m = np.linalg.solve(information, pull).astype(np.float64)
         found = Mixture(apart_m, shares, float((own * squares).sum()) / (data.n_dimensions * data.square.size))
     return found
