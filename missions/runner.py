@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Locator
+from dirmusic.arrays import FloatArray
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.observation import Observation
@@ -31,8 +31,6 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 from pdpatrol.robot_models.sensors import describe_lidar
 from pdpatrol.robot_models.world import describe_equipment, describe_solids
-
-FloatArray = NDArray[np.float64]
 
 LOCATOR = "a Locator: MyLocator(array, pose_error, fence_m=, rules=, sight=) with update, refit and association"
 

@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import OptimizeResult, minimize
 from scipy.special import expit
 
-from dirmusic.array.element_errors import EstimatedErrors
+from dirmusic.array.element_errors import N_KINDS, EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import as_boresights
 from dirmusic.arrays import FloatArray, IntArray
@@ -26,7 +26,6 @@ from dirmusic.locating.measurement import (
     GROUND,
     N_COMMON,
     N_HARMONICS,
-    N_KINDS,
     N_PLACE,
     N_TERMS,
     TILT_X,
@@ -132,7 +131,6 @@ class JointEstimate:
         state: All states: the positions, then the states of the array, see `measurement.predict`; shape (n_states,).
         covariance: Covariance of all states, shape (n_states, n_states).
         levels: Estimated error levels.
-        misfit: Mean normalised square of a residual per degree of freedom that the fit leaves.
     """
 
     positions_m: FloatArray
@@ -141,7 +139,6 @@ class JointEstimate:
     state: FloatArray
     covariance: FloatArray
     levels: ErrorLevels
-    misfit: float
 
 
 class StatePrior(NamedTuple):
@@ -315,18 +312,7 @@ class JointFit:
             state=optimum.state,
             covariance=optimum.covariance,
             levels=levels,
-            misfit=self._misfit(optimum),
         )
-
-    def _misfit(self, optimum: Optimum) -> float:
-        """Return the variance of unit weight, in which residuals beyond `ROBUST_SCALE` count less.
-
-        The expected value of the loss for a chi-squared residual is accurate to 1 %.
-        """
-        expansion, freedom = optimum.expansion, self._pulses.is_usable.sum(axis=-1) - 1.0
-        chi2 = expansion.misfit / np.sqrt(1.0 + expansion.misfit / ROBUST_SCALE**2)
-        expected = optimum.weight @ (freedom / np.sqrt(1.0 + (freedom + 2.0) / ROBUST_SCALE**2))
-        return float(optimum.weight @ chi2 / max(expected - optimum.n_fitted, LEAST_FREEDOM * expected))
 
     def _estimate_levels(self, optimum: Optimum, levels: ErrorLevels) -> ErrorLevels:
         """Estimate the error levels from the residuals and the pattern error of a fit with other levels."""

@@ -35,8 +35,7 @@ WIDENING, TILT_X, TILT_Y, GROUND = range(4)
 axes, and the amplitude of the ground reflection relative to `PERMITTIVITY`."""
 
 N_COMMON = 4
-N_KINDS = 3
-"""Kinds of errors of the elements: gain, pointing, offset."""
+"""Number of these states."""
 
 N_HARMONICS = 5
 """Number of harmonics of the angle off the boresight in the error of the pattern. The constant hardly affects ratios of
@@ -498,13 +497,11 @@ class CostExpansion(NamedTuple):
         cost: Cost.
         gradient: Gradient, shape (n_states,).
         hessian: Gauss-Newton Hessian, shape (n_states, n_states).
-        misfit: Normalised square of the residual of each pulse, shape (n,).
     """
 
     cost: float
     gradient: FloatArray
     hessian: FloatArray
-    misfit: FloatArray
 
 
 @compiled
@@ -537,7 +534,7 @@ def expand(
     of_sources = N_PLACE * n_sources
     array_state, n_own = state[of_sources:], state.size - of_sources + N_PLACE
     own_gradient, own_hessian = np.zeros((n_sources, n_own)), np.zeros((n_sources, n_own, n_own))
-    cost, misfit = 0.0, np.empty(n)
+    cost = 0.0
     predicted = empty_prediction(n_elements, n_own)
     model, residual, slopes, _ = predicted
     for k in range(n):
@@ -547,8 +544,7 @@ def expand(
         refined = 1.0 + dot(model, residual) / (dot(model, model) * amplitude)
         remove_amplitude(model, residual.reshape(-1, 1))
         remove_amplitude(model, slopes)
-        misfit[k] = dot(residual, residual)
-        root = math.sqrt(1.0 + misfit[k] / robust_scale**2)
+        root = math.sqrt(1.0 + dot(residual, residual) / robust_scale**2)
         cost += errors.weight[k] * (robust_scale**2 * (root - 1.0) + 0.5 * errors.log_det[k])
         for e in range(n_elements):
             slope = slopes[e]
@@ -568,14 +564,14 @@ def expand(
     for i in range(state.size):
         for j in range(i):
             hessian[j, i] = hessian[i, j]
-    return CostExpansion(cost, gradient, hessian, misfit)
+    return CostExpansion(cost, gradient, hessian)
 
 
 @compiled
 def misfits(
     state: FloatArray, source: IntArray, pulses: PooledPulses, array: NominalArray, noise: Noise
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute `misfit` and `log_det` with the errors at the same state; arguments as in `expand`."""
+    """Compute squares of whitened residuals and log determinants, both (n,), at one state; arguments as in `expand`."""
     n, n_elements = pulses.strengths.shape
     errors = N_PLACE * (int(source.max()) + 1)
     array_state, misfit, log_det = state[errors:], np.empty(n), np.empty(n)

@@ -327,11 +327,6 @@ class Visibility:
         self._pool, self._sight = pool, sight
         self._known: dict[tuple[float, ...], FloatArray] = {}
 
-    @property
-    def has_map(self) -> bool:
-        """True if a map of obstacles is known."""
-        return self._sight is not None
-
     def transmission(self, target_m: FloatArray, within_m: float) -> FloatArray:
         """Return the transmission factor from every place to a target (3,), shape (n_places,); see `LineOfSight`.
 

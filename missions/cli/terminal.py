@@ -93,23 +93,22 @@ def output_folder(given: Path | None, name: str, option: str = "--out") -> Itera
 
 
 @contextmanager
-def continued_folder(given: Path | None, name: str, content: str, option: str = "--out") -> Iterator[Path]:
+def continued_folder(given: Path | None, name: str, content: str) -> Iterator[Path]:
     """Reserve a folder as `output_folder` does, or one in which an earlier process has left a file to be continued.
 
     Args:
         given: Folder given by the user, if any.
         name: Name of the folder under runs/ otherwise.
         content: Name of the file that is continued.
-        option: Option that gives the folder, for error messages.
     """
     is_continued = given is not None and (given / content).is_file()
-    with nullcontext(given) if is_continued else output_folder(given, name, option) as folder:
+    with nullcontext(given) if is_continued else output_folder(given, name) as folder:
         assert folder is not None
         lock = FileLock(folder / LOCK, timeout=0)
         try:
             lock.acquire()
         except Timeout:
-            refuse(f"{option}: {given} must be a folder to which no other command writes")
+            refuse(f"--out: {given} must be a folder to which no other command writes")
         try:
             yield folder
         finally:

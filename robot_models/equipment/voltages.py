@@ -13,7 +13,6 @@ class VoltageLevel(NamedTuple):
     of IEC 60273 for the same voltage. Spacings are assumed, and typical of outdoor stations with tubular busbars.
 
     Attributes:
-        highest_kv: Highest voltage for equipment.
         impulse_kv: Rated lightning impulse withstand voltage.
         to_earth_m: Minimum clearance N between live and earthed parts.
         to_phase_m: Minimum clearance between live parts of different phases.
@@ -24,7 +23,6 @@ class VoltageLevel(NamedTuple):
             volumes from 20 000 to 45 000 litres, and from 45 000 litres).
     """
 
-    highest_kv: int
     impulse_kv: int
     to_earth_m: float
     to_phase_m: float
@@ -48,9 +46,9 @@ INSULATION_HEIGHT_M = 2.25
 """Minimum height of the lowest part of an insulator above the ground (IEC 61936-1)."""
 
 VOLTAGES: dict[Kv, VoltageLevel] = {
-    110: VoltageLevel(123, 550, 1.1, 1.1, 1.22, 2.2, 9.0, 10.0),
-    220: VoltageLevel(245, 1050, 2.1, 2.1, 2.3, 4.0, 16.0, 15.0),
-    400: VoltageLevel(420, 1425, 3.4, 4.2, 3.15, 6.0, 22.0, 15.0),
+    110: VoltageLevel(550, 1.1, 1.1, 1.22, 2.2, 9.0, 10.0),
+    220: VoltageLevel(1050, 2.1, 2.1, 2.3, 4.0, 16.0, 15.0),
+    400: VoltageLevel(1425, 3.4, 4.2, 3.15, 6.0, 22.0, 15.0),
 }
 """All levels. At 400 kV the clearances follow from the switching impulse 1050 kV, from rod to structure and from rod
 to conductor."""

@@ -61,9 +61,9 @@ class GapRow:
     is_claimed: bool
 
     @classmethod
-    def of(cls, quantity: str, unit: str, estimate: float, std: float, expected: float) -> GapRow:
-        """Make the row of an estimate with a standard deviation."""
-        return cls.within(quantity, unit, estimate, (estimate - SIGMAS * std, estimate + SIGMAS * std), expected)
+    def of(cls, quantity: str, unit: str, estimate: float, std: float) -> GapRow:
+        """Make the row of an estimate with a standard deviation, which is expected to be 0."""
+        return cls.within(quantity, unit, estimate, (estimate - SIGMAS * std, estimate + SIGMAS * std), 0.0)
 
     @classmethod
     def within(
@@ -174,10 +174,8 @@ def compare(
         fits: dict[GroundName, WorldFit] = {ground: fitter.solve(ground) for ground in dict.fromkeys(grounds)}
     best = max(fits.values(), key=lambda fit: fit.log_evidence)
     rows = [
-        GapRow.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB)), 0.0),
-        GapRow.of(
-            "beam width", "%", 100 * (best.world.beam_width - 1), 100 * np.hypot(best.width_std, MODEL_WIDTH), 0.0
-        ),
+        GapRow.of("noise floor", "dB", noise.db, float(np.hypot(noise.std_db, MODEL_DB))),
+        GapRow.of("beam width", "%", 100 * (best.world.beam_width - 1), 100 * np.hypot(best.width_std, MODEL_WIDTH)),
         *_gain_rows(best, scenario),
         _ground_row(fits, believed_ground),
         _pose_row(best),
@@ -204,7 +202,7 @@ def _gain_rows(fit: WorldFit, scenario: Scenario) -> list[GapRow]:
         scenario.array.gain_error**2
     )
     std_db = np.hypot(db * np.sqrt(variance), MODEL_DB)
-    return [GapRow.of(f"gain of channel {k + 1}", "dB", gain_db[k], std_db[k], 0.0) for k in range(n)]
+    return [GapRow.of(f"gain of channel {k + 1}", "dB", gain_db[k], std_db[k]) for k in range(n)]
 
 
 def _ground_row(fits: dict[GroundName, WorldFit], expected: GroundName) -> GapRow:
