@@ -466,12 +466,10 @@ class Locator:
             rows = choose_evenly(np.flatnonzero(track.direct > FITTED_PROBABILITY), MOST_TESTED)
             track.n_tested = n
             place = track.position_m, self._array_state, self._nominal
-            track.two = compare_with_two(
+            by_residuals = compare_with_two(
                 self._pool.groups.take(rows), track.direct[rows], self._window[rows], *place, self.pose_error
             )
-            if not track.two.is_possible:
-                by_pairs = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place)
-                track.two = by_pairs if by_pairs.is_possible else track.two
+            track.two = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place, by_residuals)
             is_confirmed = track.state == "confirmed" and track.two.is_certain
             is_candidate = track.state == "candidate" and track.two.is_certain_of_candidate
             if (is_confirmed or is_candidate) and not track.twin:

@@ -11,6 +11,9 @@ likelihood
           - \max_{\pi, v} \sum_i \ln \bigl(\pi_0 N(d_i; 0, v) + \pi_2 N(d_i; 0, 100 v)\bigr),
 
 fitted by expectation maximisation. The last component holds pulses that overlap with others.
+
+Pairs that show one source contradict two that were found by residuals: a reflection may cause these, but it is the same
+for both pulses.
 """
 
 from __future__ import annotations
@@ -23,8 +26,8 @@ from scipy.special import logsumexp
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import pooled
 from dirmusic.locating.measurement import N_PLACE, NominalArray, position_slopes
-from dirmusic.locating.pulse_pool import Groups, PulsePairs, choose_evenly
-from dirmusic.locating.two_sources import APART_PRIOR_M, ONE_SOURCE, START_AXES, START_M, TwoSources
+from dirmusic.locating.pulse_pool import PAIR_RAD, Groups, PulsePairs, choose_evenly
+from dirmusic.locating.two_sources import APART_PRIOR_M, CERTAIN, START_AXES, START_M, TwoSources
 
 LEAST_PAIRS, MOST_PAIRS = 20, 1000
 """Least and largest number of pairs that are compared (assumed)."""
@@ -32,6 +35,9 @@ LEAST_PAIRS, MOST_PAIRS = 20, 1000
 N_ROUNDS, WIDE = 25, 10.0
 """Number of rounds of expectation maximisation, and standard deviation of pulses that overlap with others, relative to
 that by noise (assumed)."""
+
+LEAST_CONTRADICTING = 50
+"""Least number of pairs that contradict two sources, from so far that pulses of both would form pairs (assumed)."""
 
 LEAST_APART_M = 0.15
 """Least distance of two sources (assumed): noise of a single one reaches half of it."""
@@ -93,8 +99,9 @@ def compare_pairs(
     place_m: FloatArray,
     array_state: FloatArray,
     array: NominalArray,
+    by_residuals: TwoSources,
 ) -> TwoSources:
-    """Test whether pairs of pulses of a track come from two sources.
+    """Test whether pairs of pulses of a track come from two sources, unless residuals show that they may.
 
     Args:
         pairs: All pairs.
@@ -103,13 +110,16 @@ def compare_pairs(
         place_m: Estimated position of the track, shape (3,).
         array_state: States of the array.
         array: The array as in its data sheet.
+        by_residuals: Result of `compare_with_two`.
 
     Returns:
-        Two equally frequent sources on both sides of the estimate; `ONE_SOURCE` if the track has too few pairs.
+        Two equally frequent sources on both sides of the estimate, or the result by residuals if that is possible, or
+        if the track has too few pairs. If many pairs contradict it, it is not certain any more, but still possible,
+        because two sources may be active at different times.
     """
     rows = choose_evenly(np.flatnonzero((is_own[pairs.group] > 0.5).all(axis=-1)), MOST_PAIRS)
     if rows.size < LEAST_PAIRS:
-        return ONE_SOURCE
+        return by_residuals
     data = whiten_pairs(pairs.take(rows), groups, place_m, array_state, array)
     variance = float(np.median(data.square)) / data.n_dimensions
     one = fit_mixture(data, Mixture(np.zeros(N_PLACE), np.array([0.98, 0.0, 0.0, 0.02]), variance))
@@ -117,7 +127,13 @@ def compare_pairs(
     two = max((fit_mixture(data, start) for start in starts), key=lambda found: found.log_likelihood(data))
     offsets_m = 0.5 * np.array([two.apart_m, -two.apart_m])
     evidence = two.log_likelihood(data) - one.log_likelihood(data)
-    return TwoSources(evidence, offsets_m, np.full(2, 0.5), least_apart_m=LEAST_APART_M)
+    found = TwoSources(evidence, offsets_m, np.full(2, 0.5), least_apart_m=LEAST_APART_M)
+    if not by_residuals.is_possible:
+        return found if found.is_possible else by_residuals
+    range_m = np.linalg.norm(groups.pose[pairs.group[rows, 0], :2] - place_m[:2], axis=-1)
+    n_joint = np.count_nonzero(by_residuals.apart_m < 0.5 * PAIR_RAD * range_m)
+    is_contradicted = n_joint >= LEAST_CONTRADICTING and not found.is_possible
+    return by_residuals._replace(evidence=min(by_residuals.evidence, CERTAIN)) if is_contradicted else by_residuals
 
 
 def whiten_pairs(

@@ -31,9 +31,9 @@ def surveyed(places_m: FloatArray, seed: int, *, noise: float = 0.01, n_poses: i
     return pool
 
 
-def compared(pool: PulsePool) -> TwoSources:
+def compared(pool: PulsePool, by_residuals: TwoSources = ONE_SOURCE) -> TwoSources:
     own, state = np.ones(len(pool.groups.time_s)), array_prior(ARRAY, START).mean
-    return compare_pairs(pool.pairs, pool.groups, own, CENTRE_M, state, nominal_array(ARRAY))
+    return compare_pairs(pool.pairs, pool.groups, own, CENTRE_M, state, nominal_array(ARRAY), by_residuals)
 
 
 @pytest.mark.parametrize("apart_m", APART_M)
@@ -49,6 +49,27 @@ def test_two_sources_are_told_apart_in_spite_of_shared_errors(apart_m: FloatArra
 def test_one_source_is_not_two(noise: float) -> None:
     for seed in range(5):
         assert not compared(surveyed(CENTRE_M[np.newaxis], seed, noise=noise)).is_possible
+
+
+def apart(apart_m: FloatArray) -> TwoSources:
+    """Return two sources of which residuals are certain."""
+    return TwoSources(200.0, 0.5 * np.array([apart_m, -apart_m]), np.full(2, 0.5), near_m=2.0)
+
+
+def test_pairs_of_one_source_contradict_two_that_are_near_each_other() -> None:
+    """Then a track is not split. Pulses of two that are far apart form no pairs, and show nothing."""
+    pool = surveyed(CENTRE_M[np.newaxis], 0)
+    near, far = apart(np.array([0.5, 0.0, 0.0])), apart(np.array([2.0, 0.0, 0.0]))
+    assert near.is_certain
+    assert compared(pool, near).is_possible
+    assert not compared(pool, near).is_certain
+    assert compared(pool, far) is far
+
+
+def test_pairs_of_two_sources_leave_the_result_by_residuals() -> None:
+    apart_m = np.array([0.5, 0.0, 0.0])
+    pool, by_residuals = surveyed(CENTRE_M + 0.5 * np.array([apart_m, -apart_m]), 1), apart(apart_m)
+    assert compared(pool, by_residuals) is by_residuals
 
 
 def test_a_few_pairs_show_nothing() -> None:
