@@ -32,9 +32,9 @@ from dirmusic.locating.two_sources import APART_PRIOR_M, CERTAIN, START_AXES, ST
 LEAST_PAIRS, MOST_PAIRS = 20, 1000
 """Least and largest number of pairs that are compared (assumed)."""
 
-N_ROUNDS, WIDE = 25, 10.0
-"""Number of rounds of expectation maximisation, and standard deviation of pulses that overlap with others, relative to
-that by noise (assumed)."""
+FIRST_ROUNDS, N_ROUNDS, WIDE = 5, 20, 10.0
+"""Number of rounds of expectation maximisation from each start, and from the best of these results; and standard
+deviation of pulses that overlap with others, relative to that by noise (assumed)."""
 
 LEAST_CONTRADICTING = 50
 """Least number of pairs that contradict two sources, from so far that pulses of both would form pairs (assumed)."""
@@ -122,9 +122,10 @@ def compare_pairs(
         return by_residuals
     data = whiten_pairs(pairs.take(rows), groups, place_m, array_state, array)
     variance = float(np.median(data.square)) / data.n_dimensions
-    one = fit_mixture(data, Mixture(np.zeros(N_PLACE), np.array([0.98, 0.0, 0.0, 0.02]), variance))
+    one = fit_mixture(data, Mixture(np.zeros(N_PLACE), np.array([0.98, 0.0, 0.0, 0.02]), variance), N_ROUNDS)
     starts = (Mixture(START_M * axis, np.array([0.5, 0.24, 0.24, 0.02]), variance) for axis in AXES)
-    two = max((fit_mixture(data, start) for start in starts), key=lambda found: found.log_likelihood(data))
+    firsts = (fit_mixture(data, start, FIRST_ROUNDS) for start in starts)
+    two = fit_mixture(data, max(firsts, key=lambda found: found.log_likelihood(data)), N_ROUNDS)
     offsets_m = 0.5 * np.array([two.apart_m, -two.apart_m])
     evidence = two.log_likelihood(data) - one.log_likelihood(data)
     found = TwoSources(evidence, offsets_m, np.full(2, 0.5), least_apart_m=LEAST_APART_M)
@@ -164,10 +165,10 @@ def whiten_pairs(
     )
 
 
-def fit_mixture(data: WhitenedPairs, start: Mixture) -> Mixture:
+def fit_mixture(data: WhitenedPairs, start: Mixture, n_rounds: int) -> Mixture:
     """Fit a mixture by expectation maximisation; without shares of two sources at the start, there are none later."""
     found, prior = start, np.eye(N_PLACE) / APART_PRIOR_M**2
-    for _ in range(N_ROUNDS):
+    for _ in range(n_rounds):
         each, squares = found.log_densities(data)
         own: FloatArray = np.exp(each - logsumexp(each, axis=0))
         shares = own.mean(axis=1)
