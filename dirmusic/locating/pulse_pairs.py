@@ -101,7 +101,7 @@ def compare_pairs(
     array: NominalArray,
     by_residuals: TwoSources,
 ) -> TwoSources:
-    """Test whether pairs of pulses of a track come from two sources, unless residuals show that they may.
+    """Combine the test of a track for two sources by residuals with that by pairs of pulses.
 
     Args:
         pairs: All pairs.
@@ -166,7 +166,7 @@ def whiten_pairs(
 
 
 def fit_mixture(data: WhitenedPairs, start: Mixture, n_rounds: int) -> Mixture:
-    """Fit a mixture by expectation maximisation; without shares of two sources at the start, there are none later."""
+    """Fit a mixture by expectation maximisation; shares that are 0 at the start stay 0."""
     found, prior = start, np.eye(N_PLACE) / APART_PRIOR_M**2
     for _ in range(n_rounds):
         each, squares = found.log_densities(data)

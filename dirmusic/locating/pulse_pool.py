@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,13 +63,11 @@ class Groups(NamedTuple):
 
     def take(self, rows: IntArray | BoolArray | slice) -> Groups:
         """Select groups."""
-        columns: list[Any] = [column[rows] for column in self]
-        return Groups(*columns)
+        return Groups._make(column[rows] for column in self)
 
     def followed_by(self, later: Groups) -> Groups:
         """Append groups."""
-        columns: list[Any] = [np.concatenate(pair) for pair in zip(self, later, strict=True)]
-        return Groups(*columns)
+        return Groups._make(np.concatenate(pair) for pair in zip(self, later, strict=True))
 
 
 class PulsePairs(NamedTuple):
@@ -87,13 +85,11 @@ class PulsePairs(NamedTuple):
 
     def take(self, rows: IntArray | slice) -> PulsePairs:
         """Select pairs."""
-        columns: list[Any] = [column[rows] for column in self]
-        return PulsePairs(*columns)
+        return PulsePairs._make(column[rows] for column in self)
 
     def followed_by(self, later: PulsePairs) -> PulsePairs:
         """Append pairs."""
-        columns: list[Any] = [np.concatenate(pair) for pair in zip(self, later, strict=True)]
-        return PulsePairs(*columns)
+        return PulsePairs._make(np.concatenate(pair) for pair in zip(self, later, strict=True))
 
 
 class PulsePool:
@@ -125,7 +121,7 @@ class PulsePool:
         self._open = PulseBatch.none(n_elements), np.empty((0, 3)), np.empty(0, dtype=np.intp)
         self.group: IntArray = np.empty(0, dtype=np.intp)
         self.groups: Groups = pool_pulses(*self._open, self.group)
-        self.pairs = pair_pulses(self._open[0], self.group)
+        self.pairs = pair_pulses(*self._open[:2], self.group)
         self.n_settled, self._n_settled_pairs = 0, 0
         self.places_m = np.empty((0, 3))
         self.listened, self.listened_s = np.empty(0, dtype=np.intp), np.empty(0)
@@ -168,7 +164,7 @@ class PulsePool:
             own = pulses.take(part), pose[part], place[part]
             number = group_numbers(*own, window[part])
             self.group = np.concatenate([self.group, self.n_settled + number])
-            self.pairs = self.pairs.followed_by(pair_pulses(own[0], self.n_settled + number))
+            self.pairs = self.pairs.followed_by(pair_pulses(*own[:2], self.n_settled + number))
             self.groups, self._open = self.groups.followed_by(pool_pulses(*own, number)), own
         return has_fault
 
@@ -291,16 +287,19 @@ def pool_pulses(pulses: PulseBatch, pose: FloatArray, place: IntArray, group: In
     )
 
 
-def pair_pulses(pulses: PulseBatch, group: IntArray) -> PulsePairs:
+def pair_pulses(pulses: PulseBatch, pose: FloatArray, group: IntArray) -> PulsePairs:
     """Form pairs of consecutive pulses of one pose from similar directions: no gap between these exceeds `PAIR_RAD`.
 
     Args:
-        pulses: Pulses with their directions, in order of time, n rows; those of one pose have the same time.
+        pulses: Pulses with their directions, in order of time, n rows.
+        pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         group: Row in `PulsePool.groups` of each pulse, shape (n,).
     """
-    by_azimuth = np.lexsort((pulses.azimuth_rad, pulses.time_s))
+    moments = np.column_stack([pulses.time_s, pose])
+    step = np.cumsum(np.diff(moments, axis=0, prepend=np.nan).any(axis=-1))
+    by_azimuth = np.lexsort((pulses.azimuth_rad, step))
     gap_rad = np.diff(pulses.azimuth_rad[by_azimuth], prepend=-np.inf)
-    is_first = (np.diff(pulses.time_s[by_azimuth], prepend=-np.inf) > 0.0) | (gap_rad > PAIR_RAD)
+    is_first = (np.diff(step[by_azimuth], prepend=-1) > 0) | (gap_rad > PAIR_RAD)
     cluster = np.empty(group.size, dtype=np.intp)
     cluster[by_azimuth] = np.cumsum(is_first)
     order = np.argsort(cluster, kind="stable")

@@ -69,7 +69,7 @@ class TwoSources(NamedTuple):
         shares: Share of each in the groups of the track, shape (2,).
         unexplained: Level of unexplained errors that suits two sources best.
         near_m: Distance of the nearest groups from the track; infinite if it does not matter.
-        least_apart_m: Distance below which they are not told from one.
+        least_apart_m: Distance below which they look like one.
     """
 
     evidence: float

@@ -1,4 +1,4 @@
-"""The script of the antenna example, in an environment of its own, makes the tables that the project ships."""
+"""The script of the antenna example makes the tables that the project ships."""
 
 import os
 import subprocess

@@ -86,10 +86,13 @@ def test_pairs_are_of_one_pose_and_of_similar_directions() -> None:
     order = np.arange(8.0)
     strengths_v = np.column_stack([1.0 + order, np.ones(8)])
     pulses = PulseBatch.detected(time_s, strengths_v, np.ones((8, 2)))._replace(azimuth_rad=np.radians(azimuth_deg))
-    pairs = pair_pulses(pulses, np.arange(8))
+    pose = np.zeros((8, 3))
+    pairs = pair_pulses(pulses, pose, np.arange(8))
     assert pairs.group.tolist() == [[0, 2], [1, 3]]
     unit = strengths_v / np.linalg.norm(strengths_v, axis=1, keepdims=True)
     np.testing.assert_allclose(pairs.difference, unit[[2, 3]] - unit[[0, 1]])
+    pose[2:, 0] = 1.0  # at the same time, as in tables without times
+    assert pair_pulses(pulses, pose, np.arange(8)).group.tolist() == [[2, 4]]
 
 
 def test_pairs_are_forgotten_when_a_channel_is_left_out() -> None:
