@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser.browser import NEEDS_CHROMIUM, Theme, opened, picture
+from tests.browser.browser import NEEDS_CHROMIUM, Theme, keep, opened
 from tests.docs.site import build_site
 
 pytest.importorskip("zensical", reason="uv run --group docs")
@@ -65,7 +65,7 @@ def test_no_page_is_wider_than_the_screen_and_no_code_or_table_is_cut(site: Path
             page.goto(file.as_uri(), wait_until="load")
             for width in WIDTHS_PX:
                 page.set_viewport_size({"width": width, "height": 900})
-                picture(page, f"docs-{name.replace('/', '-')}-{width}-{theme}")
+                keep(page, f"docs-{name.replace('/', '-')}-{width}-{theme}")
                 found = page.evaluate(OUTSIDE) + (page.evaluate(CUT) if width > SCROLL_FROM_PX else [])
                 if page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth"):
                     found.append("the page itself")

@@ -32,6 +32,7 @@ def test_published_schema_is_valid_and_made_from_the_models() -> None:
     jsonschema.Draft202012Validator.check_schema(json.loads(schema_text()))
 
 
+@pytest.mark.whole
 def test_schema_accepts_every_scenario_that_ships() -> None:
     assert len(SHIPPED) > 200
     assert [file for file in SHIPPED if not ACCEPTS.is_valid(in_json(file))] == []

@@ -72,6 +72,7 @@ def test_odometry_without_errors_closes_a_circle() -> None:
     np.testing.assert_allclose(ends, np.tile(start, (400, 1)), atol=1e-9)
 
 
+@pytest.mark.whole
 def test_odometry_errors_are_those_of_wheels_and_gyro() -> None:
     straight = 0.8 * np.arange(1, 601), np.zeros(600)
     x, y, yaw = reckoned(OdometryConfig(), np.zeros(3), *straight, np.random.default_rng(0)).T

@@ -53,9 +53,8 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
 YARDS = [name for name in shipped_scenarios() if load_scenario(name).yard.equipment]
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name == "gis_hall" else pytest.mark.whole) for name in YARDS]
-)
+@pytest.mark.whole
+@pytest.mark.parametrize("name", YARDS)
 def test_bursts_are_rejected_and_pulses_pass_in_yards(name: str) -> None:
     assert share_rejected(name, 0.0) < 0.01
     assert share_rejected(name, 0.0, second_order=True) < 0.01

@@ -43,7 +43,10 @@ def unlike(kind: KindName, half_cycles: int, rng: np.random.Generator) -> tuple[
     return np.radians(phase_deg + rng.uniform(0.0, 360.0)), level_db
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 8))])
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(1, marks=pytest.mark.whole), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 8))],
+)
 def test_confidence_is_calibrated_for_defects_unlike_the_model(seed: int) -> None:
     rng, is_right, stated = np.random.default_rng(seed), list[bool](), list[float]()
     share = dict[tuple[str, int], float]()

@@ -66,7 +66,7 @@ def refused_or_run(file: Path) -> None:
             run(scenario)
 
 
-@pytest.mark.parametrize("n", [150, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [pytest.param(150, marks=pytest.mark.whole), pytest.param(5000, marks=pytest.mark.slow)])
 def test_scenario_is_refused_or_runs(n: int, tmp_path: Path) -> None:
     @settings(max_examples=n, deadline=None, derandomize=n < 1000, suppress_health_check=CHECKS)
     @given(table=SCENARIOS)

@@ -115,6 +115,7 @@ def test_fallen_robot_ends_its_own_episode(tmp_path: Path) -> None:
     assert step > 2
 
 
+@pytest.mark.whole
 def test_mission_of_a_fallen_robot_has_a_complete_log(tmp_path: Path) -> None:
     log = run_mission(load_scenario(top_heavy(tmp_path)), "patrol", seed=0)
     assert log.column("event", "kind").tolist()[-1] == "end"

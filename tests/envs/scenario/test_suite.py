@@ -53,6 +53,7 @@ def test_files_are_those_of_their_version() -> None:
     assert load_suite().label == "3:3942ffeecebb"
 
 
+@pytest.mark.whole
 def test_file_sets_every_key() -> None:
     """Keys of `[nature]` may be left out, because they then have the values that the file states as believed."""
     for each in YARDS:

@@ -41,6 +41,7 @@ def test_report_names_how_the_array_differs(nature: tuple[Any, ...], message: st
         assert abs(report.array.yaw_deg - nature[1]) < 2.0
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("scale", [0.85, 1.15])
 def test_measured_gains_show_the_beam_width(scale: float) -> None:
     """From 100 to 150 degrees off boresight, a wider beam has more gain than the data sheet, relative to the front."""

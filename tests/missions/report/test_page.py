@@ -35,6 +35,7 @@ def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
     return report, PageReader(report_page(log, report))
 
 
+@pytest.mark.whole
 def test_finding_in_a_yard_without_equipment_has_its_picture() -> None:
     """Draw the open yard of the learning example, where no pieces could hide a finding or be near it."""
     yard = Path(__file__).parents[3] / "examples" / "learning" / "open_yard.toml"
