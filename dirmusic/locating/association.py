@@ -105,11 +105,6 @@ class Association(NamedTuple):
     multipath: FloatArray
     share: FloatArray
 
-    @property
-    def of_any(self) -> FloatArray:
-        """Probability that the group came from any of the sources, shape (n,)."""
-        return self.direct.sum(axis=0) + self.multipath.sum(axis=0)
-
 
 def pooled(groups: Groups) -> PooledPulses:
     """Return the columns of groups that compiled functions use."""
