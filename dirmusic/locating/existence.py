@@ -13,7 +13,10 @@ shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from scipy.special import log_ndtr
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import Association, Comparison, Level, level_std
@@ -26,7 +29,12 @@ WRONG_MAP = 0.1
 """Probability that the map hides a source from a place that sees it (assumed)."""
 
 OFF = 0.1
-"""Share of windows in which a source may be off (assumed)."""
+"""Share of windows in which a steady source may be off (assumed)."""
+
+PAUSING, SWITCH = 0.01, 0.02
+"""Prior probability that a source pauses for long, and probability that a pause begins or ends between two windows in
+which it would be heard (assumed). Silence counts against a steady source in each window, and against one that pauses
+little more than once."""
 
 OCCAM = 10.0
 """Log of the factor by which fitting position and level raises the likelihood of chance coincidences (assumed)."""
@@ -95,8 +103,9 @@ def rate_evidence(expected: FloatArray, detected: FloatArray, possible: FloatArr
 
     A source has a nearly constant rate; a wandering wave or multipath has any. With n detections where E were expected,
     :math:`x = \ln \frac{n + 1/2}{E + 1/2}` has the variance :math:`s^2 + 1 / (E + 1/2)`, where s is `RATE_SPREAD` for a
-    source and `WANDER_RATE` for others. In a share `OFF` of the windows a source may be off. Few detections do not
-    count against it where other candidates have pulses that it may have emitted.
+    source and `WANDER_RATE` for others. A steady source may be off in a share `OFF` of the windows; one that pauses is
+    on or off in a two-state Markov chain with the probability `SWITCH` of a change, and has the prior probability
+    `PAUSING`. Few detections do not count against a source where other candidates have pulses that it may have emitted.
 
     Args:
         expected: Expected number of detections in each window, shape (n_windows,); windows below `LEAST_EXPECTED` do
@@ -116,7 +125,14 @@ def rate_evidence(expected: FloatArray, detected: FloatArray, possible: FloatArr
     by_detected = ratio(detected)
     most = np.clip(expected, detected, np.maximum(detected, possible))
     by_detected = np.where(by_detected < 0.0, np.minimum(ratio(most), 0.0), by_detected)
-    return float(np.log((1.0 - OFF) * np.exp(by_detected) + OFF).sum())
+    ratios = np.exp(by_detected)
+    steady, pausing, is_on = float(np.log((1.0 - OFF) * ratios + OFF).sum()), 0.0, 0.5
+    for on in ratios.tolist():
+        both = is_on * on + 1.0 - is_on
+        pausing += math.log(both)
+        is_on *= on / both
+        is_on += SWITCH * (1.0 - 2.0 * is_on)
+    return float(np.logaddexp(math.log(1.0 - PAUSING) + steady, math.log(PAUSING) + pausing))
 
 
 def level_evidence(level: Level) -> float:
@@ -126,20 +142,37 @@ def level_evidence(level: Level) -> float:
 
 
 def image_evidence(
-    window: IntArray, count: FloatArray, senior: FloatArray, expected: FloatArray, is_too_strong: BoolArray
+    window: IntArray,
+    count: FloatArray,
+    senior: FloatArray,
+    expected: FloatArray,
+    rate_hz: float,
+    is_too_strong: BoolArray,
 ) -> float:
-    """Return the log odds of a separate source against an image of a senior one: each emission is received once.
+    r"""Return the log odds of a separate source against an image of a senior one: each emission is received once.
+
+    An image is not detected more often than the senior source emits. Let p be the probability of at least as many
+    detections in a window as there are, with x and s as in `rate_evidence` for the rate of the senior source. Over the
+    windows with detections, the e-value :math:`\prod 1 / (2 \sqrt p)` is at most 1 in the mean if the source is an
+    image (Vovk and Wang, Annals of Statistics 49(3), 2021); its mean with 1 adds to the odds.
 
     Args:
         window: Window of each second, shape (n_seconds,).
         count: Number of detections of the source in each second.
         senior: Number of detections of the senior source in each second.
         expected: Expected number of these if it is on; 0 where it is not visible for certain.
+        rate_hz: Rate of the detections of the senior source where it is visible; 0 if not known.
         is_too_strong: True where a detection is stronger than an image of the senior source can be.
     """
     missed = OFF + (1.0 - OFF) * np.exp(-expected)
     each = np.where(senior > 0.5, np.log((1.0 - missed + 1e-3) / IMAGE_BOTH), np.log(missed / (1.0 - IMAGE_BOTH)))
     each = np.where(is_too_strong, IMAGE_LIMIT, np.where(expected > 0.0, np.clip(each, -IMAGE_LIMIT, IMAGE_LIMIT), 0.0))
     rows = count > 0.5
-    n = np.bincount(window[rows], minlength=1)
-    return float((np.bincount(window[rows], each[rows], minlength=1) / np.maximum(n, 1)).sum())
+    n = np.bincount(window[rows], minlength=window.max(initial=0) + 1)
+    by_seconds = (np.bincount(window[rows], each[rows], minlength=n.size) / np.maximum(n, 1)).sum()
+    if not rate_hz:
+        return float(by_seconds)
+    total, emitted = np.bincount(window, count), rate_hz * np.bincount(window)
+    offset = np.log((total + 0.5) / (emitted + 0.5)) / np.sqrt(RATE_SPREAD**2 + 1.0 / (emitted + 0.5))
+    by_rate = -(math.log(2.0) + 0.5 * log_ndtr(-offset[n > 0])).sum()
+    return float(by_seconds + np.logaddexp(0.0, by_rate) - math.log(2.0))

@@ -120,6 +120,7 @@ class Detections(NamedTuple):
         expected: Expected number of detections; 0 where the source may be hidden or too weak.
         strongest_db: Level of the strongest pulse at the array, dB relative to 1 V; minus infinity without one.
         range_m: Distance of the array.
+        rate_hz: Rate of the detections where the source is visible and active; 0 if there are none.
     """
 
     detected: FloatArray
@@ -127,6 +128,7 @@ class Detections(NamedTuple):
     expected: FloatArray
     strongest_db: FloatArray
     range_m: FloatArray
+    rate_hz: float
 
 
 class Locator:
@@ -557,7 +559,9 @@ class Locator:
                 if is_senior and senior.id != track.twin:
                     other = observed[senior.id]
                     is_strong = own.strongest_db > senior.level.limit_db(other.range_m)
-                    image = image_evidence(window, own.detected, other.detected, other.expected, is_strong)
+                    image = image_evidence(
+                        window, own.detected, other.detected, other.expected, other.rate_hz, is_strong
+                    )
                     least = min(least, track.evidence.rate + level_evidence(track.level) + image)
             track.evidence = track.evidence._replace(image=least)
             track.log_odds = float(-np.logaddexp(-own_odds[track.id], -least))
@@ -582,7 +586,7 @@ class Locator:
         rate = float(np.median(n_detected[is_active] / n_seconds[is_active])) if is_active.any() else 0.0
         strongest_db = np.full(pool.listened_s.size, -np.inf)
         np.maximum.at(strongest_db, second, np.where(track.direct > 0.5, groups.level_db, -np.inf))
-        return Detections(detected, possible, np.where(is_visible, rate, 0.0), strongest_db, range_m)
+        return Detections(detected, possible, np.where(is_visible, rate, 0.0), strongest_db, range_m, rate)
 
     def _describe(self, track: Track, time_s: float) -> None:
         """Update number, times and aperture of the pulses of a track, and its state."""

@@ -61,17 +61,29 @@ def test_other_sources_do_not_add_to_the_evidence(strong: float) -> None:
 
 
 def test_rate_counts_where_a_source_is_visible() -> None:
-    """Other numbers than expected lower the odds where detections were expected, up to the share of being off."""
+    """Other numbers than expected lower the odds where detections were expected."""
     silent, expected = np.zeros(4), np.full(4, 20.0)
 
     def odds(expected: FloatArray, detected: FloatArray) -> float:
         return rate_evidence(expected, detected, detected)
 
-    assert odds(np.zeros(4), silent) == 0.0
-    assert odds(expected, silent) == pytest.approx(4 * np.log(0.1), rel=0.01)
-    assert odds(expected[:2], silent[:2]) == pytest.approx(0.5 * odds(expected, silent))
+    assert odds(np.zeros(4), silent) == pytest.approx(0.0, abs=1e-12)
+    assert odds(expected, silent) < odds(expected[:2], silent[:2]) < -2.0
     assert odds(expected, expected) > 0.0 > odds(expected, 8.0 * expected)
     assert abs(odds(np.full(4, 1.0), silent)) < 1.0  # a slow source is often silent for a window
+
+
+def test_long_pause_counts_little_more_than_its_beginning() -> None:
+    """Silence refutes a wave that came once, and not a source that was heard long before it paused."""
+    expected = np.full(120, 4.0)
+
+    def odds(n_heard: int, n_silent: int) -> float:
+        detected = np.r_[np.full(n_heard, 4.0), np.zeros(n_silent)]
+        return rate_evidence(expected[: n_heard + n_silent], detected, detected)
+
+    assert odds(1, 10) < -3.0
+    assert odds(10, 0) - 9.0 < odds(10, 17) < odds(10, 0)
+    assert odds(10, 20) - odds(10, 40) < 3.0
 
 
 def test_source_is_not_silent_where_candidates_have_its_pulses() -> None:
@@ -83,12 +95,14 @@ def test_source_is_not_silent_where_candidates_have_its_pulses() -> None:
     assert rate_evidence(expected, expected, 5.0 * expected) == rate_evidence(expected, expected, expected)
 
 
-def image(senior: float, expected: float, *, is_too_strong: bool = False, n_windows: int = 5) -> float:
+def image(
+    senior: float, expected: float, *, is_too_strong: bool = False, n_windows: int = 5, rate_hz: float = 0.0
+) -> float:
     """Return the evidence against an image, detected each second in windows of 5 s with a senior source or without."""
     window = np.repeat(np.arange(n_windows), 5)
     n = window.size
     strong = np.full(n, is_too_strong)
-    return image_evidence(window, np.ones(n), np.full(n, senior), np.full(n, expected), strong)
+    return image_evidence(window, np.ones(n), np.full(n, senior), np.full(n, expected), rate_hz, strong)
 
 
 def test_image_is_detected_only_while_the_senior_is_missing() -> None:
@@ -98,3 +112,18 @@ def test_image_is_detected_only_while_the_senior_is_missing() -> None:
     assert image(0.0, 0.0) == image(3.0, 0.0) == 0.0  # the senior source is hidden
     assert image(0.0, 5.0, is_too_strong=True) > 10.0
     assert image(0.0, 5.0, n_windows=10) == pytest.approx(2.0 * image(0.0, 5.0))
+
+
+def test_image_is_not_detected_more_often_than_the_senior_emits() -> None:
+    """Of five detections in five seconds, a senior source of one pulse in ten seconds cannot be the cause."""
+    assert image(0.0, 0.0, rate_hz=0.1, n_windows=20) > 5.0
+    assert image(0.0, 0.0, rate_hz=2.0) == pytest.approx(-np.log(2.0), abs=0.1)
+
+
+def test_chance_does_not_make_a_source_of_an_image() -> None:
+    """Images at the rate of the senior source have the mean odds 1 at most."""
+    rng, window = np.random.default_rng(0), np.repeat(np.arange(20), 5)
+    hidden, weak = np.zeros(100), np.zeros(100, dtype=np.bool_)
+    counts = rng.poisson(0.4 * rng.lognormal(0.0, 0.6, (400, 20)).repeat(5, axis=1)).astype(np.float64)
+    odds = np.exp([image_evidence(window, count, hidden, hidden, 0.4, weak) for count in counts])
+    assert odds.mean() < 1.1
