@@ -23,6 +23,7 @@ from pdpatrol.robot_models.equipment.voltages import VOLTAGES, Kv
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
 from pdpatrol.robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
+from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 OWN = "pdpatrol"
 """Property with the keys of a piece as in a scenario file."""
@@ -117,7 +118,9 @@ def site_pieces(
         except ValidationError as error:
             notes += [f"{place}: {line}; left out" for line in error_lines(error, Yard)]
             continue
-        if (across_m := fence.across_fence(piece)) > FENCE_TOLERANCE_M:
+        if piece.kind not in KIND_MATERIALS:
+            notes.append(f"{place}: no kind `{piece.kind}`; left out")
+        elif (across_m := fence.across_fence(piece)) > FENCE_TOLERANCE_M:
             notes.append(f"{place}: a {piece.kind} there extends {across_m:.2f} m beyond the fence; left out")
         else:
             pieces.append(piece)

@@ -167,6 +167,8 @@ def test_poles_of_a_large_yard_are_joined(tmp_path: Path) -> None:
     assert (len(yard.equipment), len(notes)) == (96, 96)
 
 
+KIOSK = {"name": "it", "shape": "box", "kind": "kiosk", "footprint_m": [1.0, 1.0], "height_m": 2.0}
+
 NOT_UNDERSTOOD = (
     (feature([(30.0, 30.0)], power="catenary_mast"), "no equipment is known for power=catenary_mast; left out"),
     (feature([(30.0, 30.0)]), "no equipment is known for a feature without tags; left out"),
@@ -176,6 +178,7 @@ NOT_UNDERSTOOD = (
     (feature([(30.0, 30.0)], power="transformer", voltage="20000"), "needs a voltage from 60 to 550 kV, got 20 kV"),
     (feature([(30.0, 30.0), (30.1, 30.0)], barrier="fence"), "length_m: must be greater than or equal to 0.5"),
     (feature([(30.0, 30.0)], pdpatrol={"name": "it", "kind": "pump"}), "kind: must be one of building"),
+    (feature([(30.0, 30.0)], pdpatrol=KIOSK), "no kind `kiosk`; left out"),
 )
 
 
