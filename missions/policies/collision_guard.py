@@ -35,11 +35,20 @@ PLACE_M = 0.1
 """Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
 
 
+SEEN_S, TOUCHED_S = 60.0, 600.0
+"""Time for which a place is remembered after a beam met it, and after the robot touched something there that no beam
+meets. Assumed; people leave, and equipment above the lidar's plane stays."""
+
+
+COLLISION_MPS = 0.3
+"""Loss of speed in one step that shows a collision. Assumed; ten standard deviations of the measured speed."""
+
+
 class SeenObstacles:
-    """Places that are occupied although the plan shows them free, with the time when each was last seen."""
+    """Places that are occupied although the plan shows them free, with the time when each is forgotten."""
 
     def __init__(self) -> None:
-        self._last_seen_s: dict[tuple[int, int], float] = {}
+        self._until_s: dict[tuple[int, int], float] = {}
         self._map: SiteMap | None = None
 
     def scan(self, scan: Scan, plan: SiteMap, moving: MovingObstacles) -> None:
@@ -53,30 +62,32 @@ class SeenObstacles:
         if len(moving.points_m):
             points = points[~moving.near(points)]
             self._forget_near(moving)
-        self.add(points, scan.time_s)
+        self.add(points, scan.time_s, SEEN_S)
 
     def _forget_near(self, moving: MovingObstacles) -> None:
         """Forget places that are near what moves; those of a static obstacle are seen again."""
-        if self._last_seen_s:
-            places = np.array(list(self._last_seen_s))
+        if self._until_s:
+            places = np.array(list(self._until_s))
             for place in places[moving.near(PLACE_M * places)].tolist():
-                del self._last_seen_s[tuple(place)]
+                del self._until_s[tuple(place)]
                 self._map = None
 
-    def add(self, points_m: FloatArray, time_s: float) -> None:
-        """Remember points (n, 2), world frame; forget places that were last seen a minute ago (assumed)."""
-        places, before = np.round(points_m / PLACE_M).astype(int).tolist(), self._last_seen_s
-        seen_s = before | dict.fromkeys(map(tuple, places), time_s)
-        self._last_seen_s = {place: last_s for place, last_s in seen_s.items() if time_s - last_s < 60.0}
-        if self._last_seen_s.keys() != before.keys():
+    def add(self, points_m: FloatArray, time_s: float, kept_s: float) -> None:
+        """Remember points (n, 2), world frame, for a time, and forget those whose time is over."""
+        until_s = dict(self._until_s)
+        for place in map(tuple, np.round(points_m / PLACE_M).astype(int).tolist()):
+            until_s[place] = max(until_s.get(place, 0.0), time_s + kept_s)
+        until_s = {place: last_s for place, last_s in until_s.items() if last_s > time_s}
+        if until_s.keys() != self._until_s.keys():
             self._map = None
+        self._until_s = until_s
 
     def on(self, plan: SiteMap) -> SiteMap:
         """Return the plan with the remembered obstacles; the same map is returned until they change."""
-        if not self._last_seen_s:
+        if not self._until_s:
             return plan
         if self._map is None:
-            self._map = plan.with_obstacles(PLACE_M * np.array(sorted(self._last_seen_s)))
+            self._map = plan.with_obstacles(PLACE_M * np.array(sorted(self._until_s)))
         return self._map
 
 
@@ -93,7 +104,7 @@ class CollisionGuard:
         self._seen, self._moving = SeenObstacles(), MovingObstacles()
         self._gives_way_s = 0.0
         self._scanned_s = -np.inf
-        self._speed_mps = 0.0
+        self._speed_mps = self._sent_mps = 0.0
         self._last_place_m: FloatArray | None = None
         self._moved_s = 0.0
         self._stuck_at_m: list[FloatArray] = []
@@ -104,8 +115,9 @@ class CollisionGuard:
         """Return the policy's action, slowed down where needed, or one that backs off towards the most free space.
 
         The obstacle of a collision, or of two stops within half a metre, is added to the map 5 cm ahead of the robot's
-        outline. The acceleration is limited to 1 m/s^2, well below the limit of the motors, so that one wrong lidar
-        reading has little effect. All assumed.
+        outline; that of a collision also nearer, because the mast may meet what the hull passes under. The acceleration
+        is limited to 1 m/s^2, well below the limit of the motors, so that one wrong lidar reading has little effect.
+        All assumed.
         """
         pose, time_s, robot = believed_pose(observation), time_of(observation, site_map), site_map.robot
         speed_mps, lidar_m = float(observation["velocity"][0]), observation["lidar"]
@@ -114,9 +126,10 @@ class CollisionGuard:
         if time_s - self._scanned_s >= 0.5:  # not at every step, because each scan gives a new map (assumed)
             self._seen.scan(scan, site_map, self._moving)
             self._scanned_s = time_s
-        # An obstacle above or below the lidar's plane stops the robot 1.5 times (assumed) as fast as its brakes can.
-        lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
-        has_collided = lost_mps > 1.5 * robot.max_acceleration_mps2 * STEP_S
+        # An obstacle above or below the lidar's plane takes speed that the robot had and was to keep.
+        ahead = np.sign(self._speed_mps)
+        lost_mps, self._speed_mps = min(ahead * self._speed_mps, ahead * self._sent_mps) - ahead * speed_mps, speed_mps
+        has_collided = lost_mps > COLLISION_MPS
         if time_s >= self._back_off_until_s:
             action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
             self.phase, self.unreachable = status_of(self._policy)
@@ -126,12 +139,13 @@ class CollisionGuard:
             self._command = v, yaw_rate
             if self._gives_way(scan, robot):
                 v, yaw_rate = self._command
-                return robot.action_from_command(
-                    safe_command(lidar_m, max(min(v, limit_mps), -limit_mps), yaw_rate, robot)
-                )
+                return self._sent(safe_command(lidar_m, max(min(v, limit_mps), -limit_mps), yaw_rate, robot), robot)
             if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
                 if has_collided or any(np.hypot(*(place_m - pose[:2])) < 0.5 for place_m in self._stuck_at_m):
-                    self._seen.add(pose[:2] + (robot.footprint_radius_m + 0.05) * unit_vector(pose[2:]), time_s)
+                    outline_m = robot.footprint_radius_m + 0.05
+                    nearest_m = PLACE_M if has_collided else outline_m
+                    ahead_m = np.linspace(nearest_m, outline_m, 5)[:, np.newaxis] * unit_vector(pose[2:])
+                    self._seen.add(pose[:2] + ahead_m, time_s, TOUCHED_S if has_collided else SEEN_S)
                 self._stuck_at_m.append(pose[:2])
                 self._command = max(BACK_OFF_COMMANDS, key=lambda command: free_distance(lidar_m, *command, robot))
                 self._back_off_until_s = time_s + BACK_OFF_S
@@ -139,7 +153,12 @@ class CollisionGuard:
                 self.phase = Phase("back off")
         v, yaw_rate = self._command
         fastest = min(max(speed_mps * np.sign(v), 0.0) + 1.0 * STEP_S, limit_mps)
-        return robot.action_from_command(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot))
+        return self._sent(safe_command(lidar_m, float(np.clip(v, -fastest, fastest)), yaw_rate, robot), robot)
+
+    def _sent(self, command: tuple[float, float], robot: RobotDescription) -> Action:
+        """Return the action of a command, and remember its speed."""
+        self._sent_mps = command[0]
+        return robot.action_from_command(command)
 
     def _gives_way(self, scan: Scan, robot: RobotDescription) -> bool:
         """Change the command if it comes too close to what moves, and return whether it was changed."""
@@ -157,7 +176,7 @@ class CollisionGuard:
 
     def resume(self) -> None:
         """Forget the last motion, and let the policy prepare to go on."""
-        self._speed_mps, self._last_place_m = 0.0, None
+        self._speed_mps, self._sent_mps, self._last_place_m = 0.0, 0.0, None
         resume(self._policy)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:

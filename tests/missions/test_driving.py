@@ -189,9 +189,9 @@ class Ahead:
         return np.array([1.0, 0.0], dtype=np.float32)
 
 
-@pytest.mark.parametrize(("left_mps", "is_bump"), [(0.05, True), (0.55, False)])
+@pytest.mark.parametrize(("left_mps", "is_bump"), [(0.05, True), (0.4, True), (0.55, False)])
 def test_collision_is_mapped_and_backed_off_from(left_mps: float, is_bump: bool) -> None:
-    """An overhang is above the lidar's plane. The motors can reduce the speed by at most 0.3 m/s in a step."""
+    """An overhang is above the lidar's plane, and meets the mast or the hull, which it stops."""
     env, inner = PatrolEnv(OPEN_YARD, terminate_on_approach=False), Ahead()
     observation, site_map = env.reset(seed=0)[0], SiteMap(OPEN_YARD)
     guard = CollisionGuard(inner)
@@ -206,5 +206,6 @@ def test_collision_is_mapped_and_backed_off_from(left_mps: float, is_bump: bool)
     assert (guard.phase.name == "back off") == is_bump
     guard(at(0.0, BACK_OFF_S + 0.1), [], site_map)
     ahead_m = inner.obstacles_m - observation["pose"][:2]
-    assert len(ahead_m) == is_bump
-    assert np.all((ahead_m[:, 0] > ROBOT.footprint_radius_m - 0.1) & (np.abs(ahead_m[:, 1]) < 0.2))
+    assert bool(len(ahead_m)) == is_bump
+    assert np.all((ahead_m[:, 0] > 0.0) & (np.abs(ahead_m[:, 1]) < 0.2))
+    assert not is_bump or ahead_m[:, 0].max() > ROBOT.footprint_radius_m - 0.1

@@ -11,7 +11,7 @@ from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.lidar_stop import BEAM_RAD
 from pdpatrol.missions.driving.moving_obstacles import MovingObstacles, Scan
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.collision_guard import SeenObstacles
+from pdpatrol.missions.policies.collision_guard import SEEN_S, TOUCHED_S, SeenObstacles
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.recharging import Recharging
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -126,3 +126,15 @@ def test_recording_shows_the_bodies_on_their_tracks(tmp_path: Path) -> None:
         assert step is not None
         np.testing.assert_allclose(place_m, [8.0, 3.0 + 0.1 * (step + 1), 0.0], atol=1e-5)
     assert len(drawn) == 30
+
+
+def test_place_that_was_touched_is_remembered_longer_than_one_that_was_seen() -> None:
+    """No beam meets what the robot touched, so only its memory keeps it from touching that again."""
+    plan, seen = SiteMap(crossing_scenario(0, 0)), SeenObstacles()
+    seen.add(np.array([[10.0, 8.0]]), 0.0, TOUCHED_S)
+    seen.add(np.array([[10.0, 8.0], [12.0, 8.0]]), 5.0, SEEN_S)
+    assert len(seen.on(plan).obstacles_m) == 2
+    seen.add(np.empty((0, 2)), 100.0, SEEN_S)
+    np.testing.assert_allclose(seen.on(plan).obstacles_m, [[10.0, 8.0]])
+    seen.add(np.empty((0, 2)), TOUCHED_S, SEEN_S)
+    assert seen.on(plan) is plan
