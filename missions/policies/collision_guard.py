@@ -34,14 +34,12 @@ PATIENCE_S = 20.0
 PLACE_M = 0.1
 """Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
 
-
 SEEN_S, TOUCHED_S = 60.0, 600.0
 """Time for which a place is remembered after a beam met it, and after the robot touched something there that no beam
 meets. Assumed; people leave, and equipment above the lidar's plane stays."""
 
-
 COLLISION_MPS = 0.3
-"""Loss of speed in one step that shows a collision. Assumed; ten standard deviations of the measured speed."""
+"""Loss of speed in one step, beyond the loss that was commanded, that shows a collision (assumed)."""
 
 
 class SeenObstacles:
@@ -77,7 +75,7 @@ class SeenObstacles:
         until_s = dict(self._until_s)
         for place in map(tuple, np.round(points_m / PLACE_M).astype(int).tolist()):
             until_s[place] = max(until_s.get(place, 0.0), time_s + kept_s)
-        until_s = {place: last_s for place, last_s in until_s.items() if last_s > time_s}
+        until_s = {place: end_s for place, end_s in until_s.items() if end_s > time_s}
         if until_s.keys() != self._until_s.keys():
             self._map = None
         self._until_s = until_s
