@@ -11,7 +11,7 @@ from PIL import Image
 FOLDER = Path(__file__).parent / "replay"
 SCREENSHOTS = Path(__file__).parents[2] / ".ci" / "screenshots"
 
-VIEWS_PX = (0, 36, 1600, 970)
+VIEWS_PX = (0, 28, 1280, 775)
 """Part of a screenshot without menu and time line: left, top, right, bottom."""
 
 SIZE_PX = (1200, 700)
@@ -20,7 +20,8 @@ SIZE_PX = (1200, 700)
 def make_replays(screenshots: Path = SCREENSHOTS) -> None:
     """Draw the pictures again, each from the end of its mission in its theme."""
     for file in sorted(FOLDER.glob("*.jpg")):
-        with Image.open(screenshots / f"gallery-{file.stem}-end.png") as picture:
+        name, _, theme = file.stem.rpartition("-")
+        with Image.open(screenshots / f"replay-{name}-end-1280-{theme}.png") as picture:
             views = picture.convert("RGB").crop(VIEWS_PX).resize(SIZE_PX, Image.Resampling.LANCZOS)
         views.save(file, quality=85, optimize=True)
 

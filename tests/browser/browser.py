@@ -35,8 +35,8 @@ CHROMIUM = next(
 )
 NEEDS_CHROMIUM = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: chromium)")
 
-SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-
+SOFTWARE_GL = ("--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist")
+"""Arguments for rendering by Mesa's llvmpipe: 16 frames per second of a replay on two cores, SwiftShader draws 0.6."""
 
 ELSEWHERE = re.compile(r"^https?://(?!127\.0\.0\.1[:/])")
 """Requests of Rerun's page to the internet (fonts, latest version, statistics), which get an empty answer here."""
@@ -112,10 +112,10 @@ def picture(page: Page, name: str) -> NDArray[np.uint8]:
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
-def keep(page: Page, name: str) -> None:
-    """Keep a screenshot as `name`.jpg, four times as fast as a PNG."""
+def keep(page: Page, name: str, *, is_whole: bool = False) -> None:
+    """Keep a screenshot of the window or the whole page as `name`.jpg, four times as fast as a PNG."""
     KEPT.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=KEPT / f"{name}.jpg", type="jpeg", quality=85, timeout=180_000)
+    page.screenshot(path=KEPT / f"{name}.jpg", full_page=is_whole, type="jpeg", quality=85, timeout=180_000)
 
 
 def picture_when(
@@ -128,26 +128,55 @@ def picture_when(
     return seen
 
 
-def still_picture(page: Page, name: str, limit_s: float = 120.0) -> None:
-    """Keep a picture when robot and plan have stopped moving; in software, a frame takes a second."""
-    before = [picture(page, name)]
+def still_picture(page: Page, name: str) -> NDArray[np.uint8]:
+    """Return and keep a picture when the views, which move smoothly to a new time or size, have stopped."""
+    before = picture(page, name)
 
     def is_still(seen: NDArray[np.uint8]) -> bool:
-        page.wait_for_timeout(6000)
-        before.append(seen)
-        return bool((before[-1][50:530, :1190] == before[-2][50:530, :1190]).mean() > 0.9999)
+        nonlocal before
+        page.wait_for_timeout(500)
+        share = (seen == before).mean()
+        before = seen
+        return bool(share > 0.9999)
 
-    picture_when(page, name, is_still, limit_s)
+    page.wait_for_timeout(500)
+    return picture_when(page, name, is_still, limit_s=60.0)
 
 
-def keep_middle_and_end(page: Page, name: str) -> None:
-    """Pause a replay, and keep pictures of its middle and its end, in a window of 1600 x 1000."""
-    page.set_viewport_size({"width": 1600, "height": 1000})
-    page.mouse.click(26, 986)  # pause
-    for place, x_px in (("middle", 840), ("end", 1394)):
-        page.mouse.click(x_px, 986)  # on the time line
-        page.mouse.move(1500, 940)
-        still_picture(page, f"{name}-{place}")
+REPLAY_WIDTHS_PX, REPLAY_HEIGHT_PX = (1280, 1920, 390), 800
+
+REPLAY_PLACES_PX = {"start": 310, "middle": 686, "end": 1074}
+"""Places on the time line of a replay in a window of 1280 pixels, from the left."""
+
+
+def keep_replay(page: Page, name: str) -> None:
+    """Pause a replay that follows the theme of the browser; keep pictures of three times in all widths and themes."""
+    button_px, line_px = 26, REPLAY_HEIGHT_PX - 14
+    page.set_viewport_size({"width": REPLAY_WIDTHS_PX[0], "height": REPLAY_HEIGHT_PX})
+
+    def is_paused(seen: NDArray[np.uint8]) -> bool:
+        if np.ptp(seen[line_px, button_px].astype(int)) < 100:  # the button is blue while the replay runs
+            return True
+        page.mouse.click(button_px, line_px)
+        return False
+
+    assert is_paused(picture_when(page, f"{name}-loaded", is_paused))
+    for place, place_px in REPLAY_PLACES_PX.items():
+        page.set_viewport_size({"width": REPLAY_WIDTHS_PX[0], "height": REPLAY_HEIGHT_PX})
+        page.wait_for_timeout(1000)
+        page.mouse.click(place_px, line_px)
+        page.mouse.move(REPLAY_WIDTHS_PX[0] - 100, line_px - 46)
+        for width in REPLAY_WIDTHS_PX:
+            page.set_viewport_size({"width": width, "height": REPLAY_HEIGHT_PX})
+            for theme in ("light", "dark"):
+                page.emulate_media(color_scheme=theme)
+                assert_theme(still_picture(page, f"{name}-{place}-{width}-{theme}"), theme)
+
+
+def assert_theme(seen: NDArray[np.uint8], theme: Theme) -> None:
+    """Assert that the bar at the top of the viewer has the theme."""
+    bar = float(seen[:20].mean())
+    assert bar > 200 if theme == "light" else bar < 60
 
 
 def n_colours(seen: NDArray[np.uint8]) -> int:

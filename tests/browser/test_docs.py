@@ -65,7 +65,7 @@ def test_no_page_is_wider_than_the_screen_and_no_code_or_table_is_cut(site: Path
             page.goto(file.as_uri(), wait_until="load")
             for width in WIDTHS_PX:
                 page.set_viewport_size({"width": width, "height": 900})
-                keep(page, f"docs-{name.replace('/', '-')}-{width}-{theme}")
+                keep(page, f"docs-{name.replace('/', '-')}-{width}-{theme}", is_whole=width == WIDTHS_PX[0])
                 found = page.evaluate(OUTSIDE) + (page.evaluate(CUT) if width > SCROLL_FROM_PX else [])
                 if page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth"):
                     found.append("the page itself")
