@@ -46,7 +46,7 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
         origin="phase_pattern",
         name="Phase-resolved pattern [dBV at 1 m over °]",
         background=rrb.Background(color=PALETTE.paper),
-        visual_bounds=rrb.VisualBounds2D(x_range=[-55.0, 380.0], y_range=[-reach - 54.0, reach + 34.0]),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-55.0, 380.0], y_range=[-reach - 86.0, reach + 34.0]),
         time_ranges=SO_FAR,
     )
     views = rrb.Vertical(

@@ -14,7 +14,6 @@ from pdpatrol.missions.recording.motion import LogBin, at_steps, set_step
 from pdpatrol.missions.recording.palette import PALETTE
 from pdpatrol.missions.recording.scene import confirm_m, labels_3d
 from pdpatrol.missions.report.records import FindingRecord, Report
-from pdpatrol.missions.report.wording import kind_text
 
 UNITS_PER_DB, SPAN_DB = 4.0, 30
 """Scale of the level axis of a pattern, which points down, and half its range in dB. The phase axis is in degrees."""
@@ -24,6 +23,11 @@ def name_of(state: str, number: int) -> str:
     """Return the displayed name of a finding, a candidate or a source beyond the fence."""
     name = {"confirmed": "finding", "outside": "source"}.get(state, state)
     return f"{name} {number}"
+
+
+def label_of_finding(state: str, number: int) -> str:
+    """Return the label of a finding, or of a candidate or source beyond the fence, in plan and pattern."""
+    return f"{number}" if state == "confirmed" else f"{number}?"
 
 
 def draw_styles(stream: rr.RecordingStream, numbers: Iterable[int]) -> None:
@@ -52,7 +56,7 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
         return
     position_m, covariance_m2 = finding["position_m"], finding["covariance_m2"][:2, :2]
     stream.log(path, rr.Points3D([position_m], colors=colour, radii=0.25 if is_confirmed else 0.15))
-    stream.log(f"{path}/label", labels_3d({f"{number}" if is_confirmed else f"{number}?": position_m}))
+    stream.log(f"{path}/label", labels_3d({label_of_finding(state, number): position_m}))
     semi_major_m = ellipse95(covariance_m2).semi_major_m
     outline_m = np.column_stack([outline95(position_m[:2], covariance_m2, 33), np.full(33, 0.1)])
     lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger ellipse would hide the yard
@@ -121,10 +125,11 @@ def _draw_pattern_axes(stream: rr.RecordingStream, middle_db: int) -> None:
 
 
 def _draw_kind(stream: rr.RecordingStream, record: FindingRecord, order: int) -> None:
-    """Name a finding and its kind above the frame of the pattern, in two columns."""
+    """Name a finding and its kind above the frame of the pattern, in two columns; a window of 1280 pixels is enough."""
     row, column = divmod(order, 2)
-    x, y = 90.0 + 180.0 * column, -UNITS_PER_DB * SPAN_DB - 18.0 * (row + 1.5)
+    x, y = 90.0 + 180.0 * column, -UNITS_PER_DB * SPAN_DB - 36.0 * (row + 1.1)
     path, colour = f"phase_pattern/{record.id}/kind", PALETTE.of_finding(record.id)
     stream.log(path, rr.Points2D([x, y], colors=colour, radii=4.0))
-    text = f"{name_of(record.state, record.id)}: {kind_text(record)}"
+    kind = "not known" if record.discharge is None else record.discharge.kind
+    text = f"{label_of_finding(record.state, record.id)} {kind}"
     stream.log(f"{path}/label", rr.Points2D([x, y], labels=text, colors=PALETTE.label, radii=0.1, show_labels=True))
