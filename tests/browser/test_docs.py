@@ -15,7 +15,7 @@ LEFT = "favicon.png"
 
 WIDTHS_PX = (1280, 1920, 390)
 SCROLL_FROM_PX = 1000
-"""Narrowest screen on which code and tables are shown in full; on narrower ones they scroll within their own box."""
+"""Narrowest screen on which code, tables and formulas are shown in full; on narrower ones they scroll in their box."""
 
 OUTSIDE = """() => [...document.querySelectorAll('.md-content *')].filter(element => {
   const box = element.getBoundingClientRect();
@@ -26,10 +26,10 @@ OUTSIDE = """() => [...document.querySelectorAll('.md-content *')].filter(elemen
 }).map(element => `${element.tagName} ${element.textContent.slice(0, 40)}`)"""
 """Elements that end to the right of the screen and are not within a box that scrolls."""
 
-CUT = """() => [...document.querySelectorAll('.md-content :is(pre, pre > code, table, .md-typeset__scrollwrap)')]
+CUT = """() => [...document.querySelectorAll('.md-content :is(pre, pre > code, table, math, .md-typeset__scrollwrap)')]
   .filter(element => element.scrollWidth > element.clientWidth + 1 && getComputedStyle(element).display !== 'inline')
   .map(element => `${element.tagName} ${element.textContent.slice(0, 40)}`)"""
-"""Blocks of code and tables that are wider than their box."""
+"""Blocks of code, tables and formulas that are wider than their box."""
 
 
 @pytest.fixture(scope="module")
