@@ -20,7 +20,7 @@ from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
-from pdpatrol.missions.record.words import percent
+from pdpatrol.missions.record.words import name_of, percent
 
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
@@ -244,11 +244,11 @@ class Tracker:
             if was is None or was.state != finding.state:
                 self._log.event(finding.state, _state_text(finding, was and was.state), finding.id)
             if finding.possibly_two and not (was and was.possibly_two):
-                text = f"finding {finding.id} is possibly two sources: two explain its pulses better than one"
+                name = name_of(finding.state, finding.id)
+                text = f"{name} is possibly two sources: two explain its pulses better than one"
                 self._log.event("possibly two", text, finding.id)
         for gone in before.values():
-            noun = "finding" if gone.state == "confirmed" else "candidate"
-            text = f"{noun} {gone.id} was multipath, interference, or part of another source"
+            text = f"{name_of(gone.state, gone.id)} was multipath, interference, or part of another source"
             self._log.event("dropped", text, gone.id)
         logged = [*((finding, finding.state) for finding in findings), *((gone, "dropped") for gone in before.values())]
         for finding, state in logged:

@@ -11,3 +11,9 @@ def percent(probability: float) -> str:
 def counted(n: int, noun: str) -> str:
     """Return a number with its noun: `1 pulse`, `2 pulses`."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def name_of(state: str, number: int) -> str:
+    """Return the displayed name of a finding, a candidate or a source beyond the fence."""
+    name = {"confirmed": "finding", "outside": "source"}.get(state, state)
+    return f"{name} {number}"

@@ -19,12 +19,6 @@ UNITS_PER_DB, SPAN_DB = 4.0, 30
 """Scale of the level axis of a pattern, which points down, and half its range in dB. The phase axis is in degrees."""
 
 
-def name_of(state: str, number: int) -> str:
-    """Return the displayed name of a finding, a candidate or a source beyond the fence."""
-    name = {"confirmed": "finding", "outside": "source"}.get(state, state)
-    return f"{name} {number}"
-
-
 def label_of_finding(state: str, number: int) -> str:
     """Return the label of a finding, or of a candidate or source beyond the fence, in plan and pattern."""
     return f"{number}" if state == "confirmed" else f"{number}?"

@@ -8,8 +8,7 @@ import rerun as rr
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.words import percent
-from pdpatrol.missions.recording.findings import name_of
+from pdpatrol.missions.record.words import name_of, percent
 from pdpatrol.missions.recording.motion import LogBin, set_step, time_of
 from pdpatrol.missions.recording.scene import labels_3d
 from pdpatrol.missions.report.closing_card import closing_card

@@ -7,6 +7,7 @@ import pytest
 
 from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
 from dirmusic.frame import FrameEstimate
+from dirmusic.locating.finding import State
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
@@ -55,6 +56,20 @@ def test_findings_are_logged_when_their_values_change() -> None:
     assert np.isnan(log.column("finding", "confirmed_s")).all()
     assert log.column("finding", "existence").tolist() == [FINDING.existence] * 3
     assert log.column("event", "kind").tolist() == ["candidate", "dropped"]
+
+
+@pytest.mark.parametrize(
+    ("state", "name"), [("candidate", "candidate"), ("confirmed", "finding"), ("outside", "source")]
+)
+def test_event_calls_only_what_is_confirmed_a_finding(state: State, name: str) -> None:
+    locator = FixedLocator()
+    log, tracker = tracker_of(locator)
+    for findings in ((replace(FINDING, state=state, possibly_two=True),), ()):
+        locator.findings = findings
+        tracker.track(0.1, np.zeros(3), PulseBatch.none(6))
+    text = dict(zip(log.column("event", "kind"), log.column("event", "text"), strict=True))
+    assert text["possibly two"].startswith(f"{name} {FINDING.id} ")
+    assert text["dropped"].startswith(f"{name} {FINDING.id} ")
 
 
 def test_covariance_of_a_finding_includes_that_of_the_frame() -> None:
