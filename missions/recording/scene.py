@@ -41,8 +41,11 @@ STEPS_PER_M = 64
 
 
 def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
-    """Return lines whose width is in points of the screen."""
-    rounded = [np.rint(STEPS_PER_M * np.asarray(line)) / STEPS_PER_M for line in lines]
+    """Return lines whose width is in points of the screen; an array (n_lines, n_points, 3) is converted at once."""
+    if isinstance(lines, np.ndarray):
+        rounded = (np.rint(STEPS_PER_M * lines) / STEPS_PER_M).astype(np.float32)
+    else:
+        rounded = [np.rint(STEPS_PER_M * np.asarray(line)) / STEPS_PER_M for line in lines]
     return rr.LineStrips3D(rounded, colors=colour, radii=rr.Radius.ui_points(width))
 
 
