@@ -113,7 +113,7 @@ def picture(page: Page, name: str) -> NDArray[np.uint8]:
 
 
 def keep(page: Page, name: str, *, is_whole: bool = False) -> None:
-    """Keep a screenshot of the window or the whole page as `name`.jpg, four times as fast as a PNG."""
+    """Keep a screenshot of the window or the full page as `name`.jpg, four times as fast as a PNG."""
     KEPT.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=KEPT / f"{name}.jpg", full_page=is_whole, type="jpeg", quality=85, timeout=180_000)
 
