@@ -13,21 +13,17 @@ from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray, IntArray
 from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.camera import camera_moves
 from pdpatrol.missions.recording.palette import PALETTE
 from pdpatrol.missions.recording.scene import lines_3d
 from pdpatrol.robot_models.moving_bodies import described_moving
+from pdpatrol.robot_models.yard.solids import YardSolids
 
 AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 3.0))
 """Azimuths at which pseudo-spectra are computed."""
 
 ARRAY_HEIGHT_M = 0.6
 """Height above ground at which rays and rings are drawn; roughly that of the array."""
-
-BEHIND_M, ABOVE_M, DOWN_RAD = 4.2, 1.9, np.radians(14.0)
-"""Place of the camera relative to the robot, and how far below the horizon it looks."""
-
-VIEW_STEPS = 40
-"""Steps over which the viewing direction of the camera is the mean of the heading, so that it turns slowly: 4 s."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +64,11 @@ def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
     return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("step", sequence=steps)]
 
 
-def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
-    """Draw changes of phase, and poses of robot, camera and moving bodies, as columns."""
+def draw_motion(stream: rr.RecordingStream, part: LogBin, solids: YardSolids | None) -> None:
+    """Draw changes of phase, and poses of robot, camera and moving bodies, as columns.
+
+    The camera avoids `solids`; they are None if the yard is unknown.
+    """
     log, first, end = part.log, part.first["step"], part.end
     if end == first:
         return
@@ -79,14 +78,21 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
     states = rr.StateChange.columns(state=step["phase"][is_new])
     stream.send_columns("mission/phase", at_steps(log, first + np.flatnonzero(is_new)), states)
     if first == 0:  # the first step ends after the start of the mission, when a viewer would show nothing
-        _draw_poses(stream, log, 0, 1, [rr.TimeColumn("sim_time", duration=[0.0])])
-    _draw_poses(stream, log, first, end, times)
+        _draw_poses(stream, log, solids, 0, 1, [rr.TimeColumn("sim_time", duration=[0.0])])
+    _draw_poses(stream, log, solids, first, end, times)
 
 
-def _draw_poses(stream: rr.RecordingStream, log: MissionLog, first: int, end: int, times: list[rr.TimeColumn]) -> None:
+def _draw_poses(
+    stream: rr.RecordingStream,
+    log: MissionLog,
+    solids: YardSolids | None,
+    first: int,
+    end: int,
+    times: list[rr.TimeColumn],
+) -> None:
     """Draw the poses of robot, camera and moving bodies in the steps from `first` up to `end`."""
     stream.send_columns("world/robot", times, _moves(log.column("step", "pose", first, end)))
-    stream.send_columns("world/camera", times, _camera_moves(log, first, end))
+    stream.send_columns("world/camera", times, camera_moves(log, solids, first, end))
     for description in log.meta.get("truth", {}).get("moving", ()):
         body, track = described_moving(description)
         pose = track.pose(log.column("step", "time_s", first, end))
@@ -122,21 +128,6 @@ def _moves(pose: FloatArray) -> Any:  # noqa: ANN401 - columns of a type that Re
     turns = [rr.RotationAxisAngle([0, 0, 1], radians=angle) for angle in pose[:, 2].tolist()]
     translation_m = np.column_stack([pose[:, :2], 0.0 * pose[:, 2]])
     return rr.Transform3D.columns(translation=translation_m, rotation_axis_angle=turns)
-
-
-def _camera_moves(log: MissionLog, first: int, end: int) -> Any:  # noqa: ANN401 - as above
-    """Return transforms of the camera behind the robot for steps from `first` up to `end`; x right, y down."""
-    start = max(first - VIEW_STEPS + 1, 0)
-    pose = log.column("step", "pose", start, end)
-    total_rad, after = np.cumsum(np.append(0.0, np.unwrap(pose[:, 2]))), np.arange(first, end) - start + 1
-    before = np.maximum(after - VIEW_STEPS, 0)
-    view_rad = (total_rad[after] - total_rad[before]) / (after - before)
-    ahead = np.column_stack([np.cos(view_rad), np.sin(view_rad), np.zeros(view_rad.size)])
-    forward = np.cos(DOWN_RAD) * ahead - [0.0, 0.0, np.sin(DOWN_RAD)]
-    right = np.column_stack([ahead[:, 1], -ahead[:, 0], ahead[:, 2]])
-    axes = np.stack([right, np.cross(forward, right), forward], axis=-1)
-    place_m = np.column_stack([pose[first - start :, :2], np.full(end - first, ABOVE_M)]) - BEHIND_M * ahead
-    return rr.Transform3D.columns(translation=place_m, mat3x3=axes)
 
 
 def draw_pulses(stream: rr.RecordingStream, part: LogBin) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import rerun as rr
 
 from pdpatrol.missions.atomic_file import atomic_file
+from pdpatrol.missions.record.log_contents import true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.blueprint import blueprint
 from pdpatrol.missions.recording.findings import draw_findings, draw_limit, draw_phase_patterns, draw_styles
@@ -50,7 +51,7 @@ class Recorder:
             batcher_config=rr.ChunkBatcherConfig.NEVER(),  # by time, the size of a file would depend on the machine
         )
         self.stream.set_log_time_enabled(False)  # wall-clock times of the writing of the file
-        self._log = log
+        self._log, self._yard = log, true_yard(log)
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
         self._bin_steps = 5 if "truth" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
         self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
@@ -80,7 +81,7 @@ class Recorder:
         if n_drawn == 0 < end:
             draw_start(self.stream, self._log)
         self.stream.flush()
-        draw_motion(self.stream, whole)
+        draw_motion(self.stream, whole, self._yard and self._yard.solids)
         draw_bearing_plot(self.stream, whole)
         for number, stop in enumerate(range(n_drawn + self._bin_steps, end + 1, self._bin_steps), start=1):
             self._draw_bin(stop)

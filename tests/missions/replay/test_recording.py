@@ -13,6 +13,7 @@ from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.finding_pulses import phase_patterns
+from pdpatrol.missions.record.log_contents import true_yard
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.recording import Recorder, write_recording
 from pdpatrol.missions.recording.findings import UNITS_PER_DB
@@ -235,6 +236,20 @@ def test_camera_looks_at_the_robot_from_behind(drawn: Entities, log: MissionLog)
     assert (along > np.cos(0.25 * camera_fov_rad(drawn))).all()
     turn_rad = np.abs(wrap(np.diff(np.arctan2(forward[:, 1], forward[:, 0]))))
     assert turn_rad.max() < 0.6 * np.abs(wrap(np.diff(pose[:, 2]))).max()
+
+
+def test_no_equipment_hides_the_robot_from_the_camera(tmp_path: Path) -> None:
+    """Where equipment would stand between them, the camera comes nearer; then it moves away, not all at once."""
+    log = short_mission(14.0, scenario="switchyard")
+    yard, pose = true_yard(log), log.column("step", "pose")
+    assert yard is not None
+    placed = recorded(log, tmp_path)["world/camera"]["translation"]
+    place_m = np.array([placed[step][0] for step in range(len(pose))])
+    middle_m = np.column_stack([pose[:, :2], np.full(len(pose), 0.5)])
+    assert yard.solids.distance(np.linspace(middle_m, place_m, 100)[25:]).min() > 0.1
+    away_m = np.linalg.norm(place_m - middle_m, axis=-1)
+    assert away_m.min() < 0.8 * away_m.max()  # equipment stands behind the dock
+    assert np.diff(away_m).max() < 0.1
 
 
 def camera_fov_rad(drawn: Entities) -> float:
