@@ -28,7 +28,7 @@ COLOURS = {
 TEXTS = {"not known": "change not known"}
 """Text of a change, where it differs from its name."""
 
-HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "growth\n(dB/week)", "Rate\n(1/s)", "growth\n(%/week)")
+HEADINGS = ("No.", "Site", "Change", "Level\n(dBV)", "Its growth\n(dB/week)", "Rate\n(1/s)", "Its growth\n(%/week)")
 """Column headings for `summary_row`; a terminal shows them on two lines."""
 
 
@@ -92,7 +92,8 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
         inspections: Inspections from which the trend was made.
     """
     counts = Counter(change_of(discharge) for discharge in trend.discharges)
-    listed = ", ".join(f"{count} {TEXTS.get(change, change)}" for change, count in counts.items())
+    unknown = "change not known for"
+    listed = ", ".join(f"{unknown} {n}" if change == "not known" else f"{n} {change}" for change, n in counts.items())
     return render(
         "campaign/trend.html",
         title="Partial discharge trend",

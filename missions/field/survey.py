@@ -76,8 +76,8 @@ class SurveyOptions:
         heading_std_deg: Standard deviation of their heading.
         pose_correlation_s: Correlation time of the errors of the poses.
         yard: Scenario file of the yard whose frame the poses are in: its equipment is the map, by which sites are named
-            and sight is known; `[map]`, `[receiver]` and `[inspection]` state which discharges are excluded where, and
-            `[survey]` site and conditions for the report.
+            and sight is known; `[map]`, `[receiver]` and `[inspection]` state which discharges are excluded, and
+            where; `[survey]` has site and conditions for the report.
         yard_m: Length of the yard along x and y from its corner at 0 0, without --yard; findings outside are marked.
         georeference: Latitude and longitude of the origin, degrees on WGS 84, north and east positive, and direction
             of the y axis, degrees clockwise from true north, for maps that `pdpatrol export` writes.

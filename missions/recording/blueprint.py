@@ -44,9 +44,9 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
     reach = UNITS_PER_DB * SPAN_DB
     pattern = rrb.Spatial2DView(
         origin="phase_pattern",
-        name="Phase-resolved pattern [dBV at 1 m over °]",
+        name="Phase pattern [dBV at 1 m]",
         background=rrb.Background(color=PALETTE.paper),
-        visual_bounds=rrb.VisualBounds2D(x_range=[-55.0, 380.0], y_range=[-reach - 86.0, reach + 34.0]),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-82.0, 380.0], y_range=[-reach - 86.0, reach + 58.0]),
         time_ranges=SO_FAR,
     )
     views = rrb.Vertical(

@@ -113,7 +113,7 @@ def _draw_pattern_axes(stream: rr.RecordingStream, middle_db: int) -> None:
     lines = rr.LineStrips2D([sine, [[0, 0], [360, 0]], frame], colors=PALETTE.line, radii=0.6)
     stream.log("phase_pattern/axes", lines, static=True)
     marks = {f"{x}°": [x, reach + 5.0] for x in range(0, 361, 90)}
-    marks |= {f"{middle_db + db} dBV": [-28.0, -UNITS_PER_DB * db - 9.0] for db in range(10 - SPAN_DB, SPAN_DB, 10)}
+    marks |= {f"{middle_db + db} dBV": [-44.0, -UNITS_PER_DB * db - 9.0] for db in range(10 - SPAN_DB, SPAN_DB, 10)}
     labels = rr.Points2D(list(marks.values()), labels=list(marks), colors=PALETTE.label, radii=0.1, show_labels=True)
     stream.log("phase_pattern/marks", labels, static=True)
 

@@ -13,6 +13,9 @@ PLAN_HEIGHT_PX, CHARACTER_PX, LABEL_HEIGHT_PX, MARGIN_PX = 380.0, 7.5, 26.0, 12.
 """Height of the plan in a window of 1600 by 1000, and the size of its labels. Assumed; in smaller windows they may
 overlap."""
 
+AROUND_PX = ((0.0, 0.0), (0.0, 40.0), (-24.0, 18.0), (24.0, 18.0))
+"""Shifts of the label of a point on the plan: below, above, left and right of it, in order of preference (assumed)."""
+
 PLAN_SHARE = 1.1
 """Height of the plan over that of the yard, which is seen with a margin."""
 
@@ -54,19 +57,28 @@ def _bay(name: str) -> str:
     return bay_of(name) or without_phase(name)
 
 
-def fitting(places: Mapping[str, Sequence[float]], pixel_size_m: float, taken: list[FloatArray]) -> list[str]:
-    """Return the labels that overlap none before them, in order, and add their boxes to those that are taken.
+def fitting(
+    places: Mapping[str, Sequence[float]],
+    pixel_size_m: float,
+    taken: list[FloatArray],
+    shifts_px: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+) -> dict[str, list[float]]:
+    """Return the places of the labels that overlap none before them, in order, and add their boxes to those taken.
 
     Args:
         places: Places x m, y m, z m, each in the middle of the upper edge of its label.
         pixel_size_m: Size of a pixel, metres.
         taken: Boxes that are taken: x from, y from, x to, y to, metres.
+        shifts_px: Shifts right and up that are tried in order, pixels.
     """
-    kept: list[str] = []
-    for name, (x, y, _) in places.items():
+    kept: dict[str, list[float]] = {}
+    for name, place in places.items():
         half_m, height_m = 0.5 * (CHARACTER_PX * len(name) + MARGIN_PX) * pixel_size_m, LABEL_HEIGHT_PX * pixel_size_m
-        box = np.array([x - half_m, y - height_m, x + half_m, y])
-        if not any((box[:2] < other[2:]).all() and (other[:2] < box[2:]).all() for other in taken):
-            taken.append(box)
-            kept.append(name)
+        for right_px, up_px in shifts_px:
+            x, y = place[0] + right_px * pixel_size_m, place[1] + up_px * pixel_size_m
+            box = np.array([x - half_m, y - height_m, x + half_m, y])
+            if not any((box[:2] < other[2:]).all() and (other[:2] < box[2:]).all() for other in taken):
+                taken.append(box)
+                kept[name] = [x, y, place[2]]
+                break
     return kept

@@ -9,18 +9,16 @@ from numpy.typing import ArrayLike
 
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.missions.recording.labels import equipment_labels, fitting, pixel_m
+from pdpatrol.missions.recording.labels import AROUND_PX, equipment_labels, fitting, pixel_m
 from pdpatrol.missions.recording.palette import PALETTE, PHASES
 from pdpatrol.robot_models.moving_bodies import MOVING_RGBA, described_moving
 
 LEGEND = """\
-- **gold**: bearings of the latest pulses
-- **teal**: directions that fit the strongest of them
-- **orange**: ground where a source is likely
-- **blue**: robot and its path; **grey**: route, waypoints
-- **magenta**: what is really there (tab *Plan and truth*)
-- Each number has one colour in all panels: **1?** is a candidate, **1** a finding, which is confirmed. The ellipse \
-holds the source with a probability of 95 %.
+**gold**: bearings of the latest pulses; **teal**: directions that fit the strongest; **orange**: where a source is \
+likely; **blue**: robot and path; **grey**: route; **green**: path by wheels alone; **brown**: sites; \
+**magenta**: truth.
+
+**1?** is a candidate, **1** a finding, which is confirmed; its ellipse holds the source with a probability of 95 %.
 """
 
 
@@ -106,17 +104,14 @@ def _route_and_names(meta: Mapping[str, Any], equipment: Sequence[Mapping[str, A
     pixel_size_m, taken = pixel_m(meta["bounds_m"]), list[FloatArray]()
     with_sites = {site.partition("/")[0] for site in meta.get("sites", {})}
     names = equipment_labels(equipment, pixel_size_m, with_sites)
-    shapes: dict[str, Any] = {
-        "world/yard/names": labels_3d({name: names[name] for name in fitting(names, pixel_size_m, taken)})
-    }
+    shapes: dict[str, Any] = {"world/yard/names": labels_3d(fitting(names, pixel_size_m, taken))}
     if "route" in meta:
         stops = {"dock": meta["route"]["dock_m"]}
         stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
         places = {name: [x, y, 0.02] for name, (x, y) in stops.items()}
         shapes["world/route"] = rr.Points3D(list(places.values()), colors=PALETTE.route, radii=0.12)
         shapes["world/route/path"] = lines_3d([list(places.values())], PALETTE.route)
-        numbers = fitting(places, pixel_size_m, taken)
-        shapes["world/route/numbers"] = labels_3d({name: places[name] for name in numbers})
+        shapes["world/route/numbers"] = labels_3d(fitting(places, pixel_size_m, taken, AROUND_PX))
     if zones := meta.get("scenario", {}).get("zones"):
         limits = [f"{zone['name']}, {zone['limit_mps']:g} m/s" for zone in zones]
         rings = [[[x, y, 0.03] for x, y in (*zone["polygon_m"], zone["polygon_m"][0])] for zone in zones]

@@ -80,10 +80,10 @@ def _place_text(log: MissionLog, position_m: np.ndarray, size_m: float) -> str:
 def draw_outcome(stream: rr.RecordingStream, report: Report) -> None:
     """Draw the closing card of a mission, and name the findings on the plan by their sites."""
     card = closing_card(report)
-    lines = [f"### {card.title}", ""]
+    lines = [f"### {card.title}", "", card.remark, ""]
     for row in card.rows:
         lines += [f"**{row.what}**: {row.kind}; {row.where}", "", f"**{row.when}**: {row.action}", ""]
-    _draw_text(stream, "mission/status", [*lines, card.remark])
+    _draw_text(stream, "mission/status", lines)
     for finding in report.findings:
         label = f"{finding.id} {finding.sites[0].name.rpartition('/')[2] if finding.sites else ''}".strip()
         stream.log(f"world/findings/{finding.id}/label", labels_3d({label: finding.position_m}))

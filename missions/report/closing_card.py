@@ -58,7 +58,7 @@ def _row(finding: FindingRecord) -> ClosingRow:
     return ClosingRow(
         what=f"Finding {finding.id}, probability {existence_text(finding)}",
         where=f"{site_text(finding)}, 95 % within {finding.ellipse95.semi_major_m:.2f} m",
-        kind=kind_text(finding),
+        kind=f"kind {kind_text(finding)}",
         when=f"Severity {advice.severity}, act {due}",
         action=advice.action,
     )

@@ -120,7 +120,7 @@ APPARATUS: dict[str, Apparatus] = {
         },
     ),
     "circuit_breaker": Apparatus(
-        "live-tank breaker with a drive on each pole",
+        "live-tank breaker",
         TYPICAL + "; support insulators as in IEC 60273",
         (
             Layer("column", "earthed", (2.5, 2.5, 2.6), width_m=(0.4, 0.4, 0.5)),

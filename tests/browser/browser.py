@@ -42,6 +42,10 @@ ELSEWHERE = re.compile(r"^https?://(?!127\.0\.0\.1[:/])")
 """Requests of Rerun's page to the internet (fonts, latest version, statistics), which get an empty answer here."""
 
 
+TALLEST_PX = 16_000
+"""Largest height of a picture of a page; of taller ones, the browser repeats the beginning."""
+
+
 class Opened(NamedTuple):
     """Page and its errors so far: of console, scripts and requests."""
 
@@ -113,9 +117,24 @@ def picture(page: Page, name: str) -> NDArray[np.uint8]:
 
 
 def keep(page: Page, name: str, *, is_whole: bool = False) -> None:
-    """Keep a screenshot of the window or the full page as `name`.jpg, four times as fast as a PNG."""
+    """Keep a screenshot of the window or the full page as `name`.jpg, four times as fast as a PNG.
+
+    Of a page taller than `TALLEST_PX`, the parts below are kept as `name`-2.jpg and so on.
+    """
     KEPT.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=KEPT / f"{name}.jpg", full_page=is_whole, type="jpeg", quality=85, timeout=180_000)
+    width, height = page.evaluate("[document.documentElement.clientWidth, document.documentElement.scrollHeight]")
+    tops = range(0, height, TALLEST_PX) if is_whole else [0]
+    for number, top in enumerate(tops, start=1):
+        clip = {"x": 0, "y": top, "width": width, "height": min(height - top, TALLEST_PX)}
+        page.screenshot(
+            path=KEPT / f"{name}{f'-{number}' * (number > 1)}.jpg",
+            full_page=is_whole,
+            clip=clip if is_whole else None,
+            type="jpeg",
+            quality=85,
+            animations="disabled",
+            timeout=180_000,
+        )
 
 
 def picture_when(

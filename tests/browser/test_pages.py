@@ -10,6 +10,7 @@ from pdpatrol.missions.cli.mission_files import write_mission
 from tests.browser.browser import (
     NEEDS_CHROMIUM,
     Theme,
+    keep,
     keep_replay,
     n_colours,
     opened,
@@ -89,6 +90,7 @@ def test_page_shows_text_and_pictures_and_loads_nothing(name: str, title: str, t
             assert n_colours(picture(page, f"{file.stem}-{width}-{theme}")) > 50
             assert page.evaluate("document.documentElement.scrollWidth") == width
             assert page.evaluate(OUTSIDE) == []
+            keep(page, f"{file.stem}-{width}-{theme}-whole", is_whole=True)
     assert title in words
     assert drawn >= 1
     assert height > 500
