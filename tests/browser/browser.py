@@ -125,7 +125,7 @@ def keep(page: Page, name: str, *, is_whole: bool = False) -> None:
     width, height = page.evaluate("[document.documentElement.clientWidth, document.documentElement.scrollHeight]")
     tops = range(0, height, TALLEST_PX) if is_whole else [0]
     for number, top in enumerate(tops, start=1):
-        clip = {"x": 0, "y": top, "width": width, "height": min(height - top, TALLEST_PX)}
+        clip: Any = {"x": 0, "y": top, "width": width, "height": min(height - top, TALLEST_PX)}
         page.screenshot(
             path=KEPT / f"{name}{f'-{number}' * (number > 1)}.jpg",
             full_page=is_whole,
