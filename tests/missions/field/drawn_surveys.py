@@ -66,9 +66,9 @@ def draw_survey(seed: int, *, n_sources: int = 1, n_poses: int | None = None) ->
     """
     rng = np.random.default_rng([42, seed])
     yard = random_yard(rng, int(rng.integers(0, 7))).yard
-    sources_m = np.array([_position(random_source(yard, rng), yard) for _ in range(n_sources)])
+    sources_m = np.array([position_of(random_source(yard, rng), yard) for _ in range(n_sources)])
     path = str(rng.choice(PATHS))
-    poses = _poses(path, n_poses or int(rng.integers(8, 31)), sources_m[0], rng)
+    poses = draw_poses(path, n_poses or int(rng.integers(8, 31)), sources_m[0], rng)
     n_pulses = int(rng.integers(1, 7))
     sources = [
         DischargeSource(
@@ -94,12 +94,12 @@ def draw_survey(seed: int, *, n_sources: int = 1, n_poses: int | None = None) ->
     )
 
 
-def _position(source: SourceConfig, yard: Yard) -> FloatArray:
+def position_of(source: SourceConfig, yard: Yard) -> FloatArray:
     """Return the position of a source, shape (3,)."""
     return yard.site_position(source.sites[0]) if source.position_m is None else np.array(source.position_m)
 
 
-def _poses(path: str, n: int, source_m: FloatArray, rng: np.random.Generator) -> FloatArray:
+def draw_poses(path: str, n: int, source_m: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return true poses, shape (n, 3)."""
     if path == "orbit":
         angle = rng.uniform(0, 2 * np.pi) + np.linspace(0, rng.uniform(2.5, 6.3), n)

@@ -8,51 +8,71 @@ import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
+from dirmusic.locating.finding import square_within
 from dirmusic.pulses.clipping import Extremes, restored_strengths
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.report.records import Report
 from tests.missions.field.dialects import DIALECTS
-from tests.missions.field.recordings import OTHER_M, SOURCE_M, Recording, clipped, in_one_record, with_offsets
+from tests.missions.field.recordings import (
+    Draw,
+    Located,
+    clipped,
+    in_free_field,
+    in_one_record,
+    in_random_yard,
+    with_offsets,
+)
 from tests.missions.field.surveys import locate
 
-KINDS: dict[Callable[[Path, int], Report], tuple[tuple[float, float, float], ...]] = {
-    clipped: (SOURCE_M,),
-    with_offsets: (SOURCE_M,),
-    in_one_record: (SOURCE_M, OTHER_M),
-}
+KINDS = (clipped, with_offsets, in_one_record)
 
 
-def scores(report: Report, source_m: tuple[float, float, float]) -> tuple[bool, bool]:
-    """Return whether a finding lies within 0.5 m of the source, and whether its 95 % ellipse holds the source."""
-    for finding in report.findings:
-        off_m = np.subtract(finding.position_m, source_m)[:2]
-        if np.hypot(*off_m) < 0.5:
-            ellipse = finding.ellipse95
-            along = off_m @ [np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)]
-            across = off_m @ [-np.sin(ellipse.angle_rad), np.cos(ellipse.angle_rad)]
-            return True, bool((along / ellipse.semi_major_m) ** 2 + (across / ellipse.semi_minor_m) ** 2 <= 1.0)
-    return False, False
+def scores(located: Located) -> list[bool]:
+    """Return whether the 95 % ellipse holds the source, for each source with a finding within 1 m."""
+    held: list[bool] = []
+    for source_m in located.sources_m:
+        off_m = [np.subtract(finding.position_m, source_m)[:2] for finding in located.report.findings]
+        if off_m and np.linalg.norm(off_m, axis=-1).min() < 1.0:
+            nearest = int(np.linalg.norm(off_m, axis=-1).argmin())
+            covariance_m2 = np.array(located.report.findings[nearest].covariance_m2)[:2, :2]
+            held.append(bool(off_m[nearest] @ np.linalg.solve(covariance_m2, off_m[nearest]) < square_within(0.95, 2)))
+    return held
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_faulty_records_locate_their_sources(tmp_path: Path, kind: Callable[[Path, int], Report]) -> None:
-    report = kind(tmp_path, 1)
-    assert all(scores(report, source_m)[0] for source_m in KINDS[kind])
+def test_faulty_records_locate_their_sources(tmp_path: Path, kind: Callable[[Path, int], Located]) -> None:
+    located = kind(tmp_path, 1)
+    assert len(scores(located)) == len(located.sources_m)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_faulty_records_hold_their_ellipses(tmp_path: Path, kind: Callable[[Path, int], Report]) -> None:
+def test_faulty_records_hold_their_ellipses(tmp_path: Path, kind: Callable[[Path, int], Located]) -> None:
     """At least 80 % of the sources are located, and their ellipses hold 95 %."""
-    scored = [scores(kind(tmp_path, seed), source_m) for seed in range(20) for source_m in KINDS[kind]]
-    located = [is_held for is_located, is_held in scored if is_located]
-    assert len(located) >= 0.8 * len(scored)
-    _, high = proportion_confint(sum(located), len(located), method="wilson")
-    assert float(np.asarray(high)) >= 0.95
+    located = [kind(tmp_path, seed) for seed in range(20)]
+    held = [own for each in located for own in scores(each)]
+    assert len(held) >= 0.8 * sum(len(each.sources_m) for each in located)
+    assert most(held) >= 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="neighbouring stops share errors by multipath: 85 to 91 % of the ellipses hold")
+@pytest.mark.parametrize("kind", KINDS)
+def test_faulty_records_hold_their_ellipses_among_equipment(
+    tmp_path: Path, kind: Callable[[Path, int, Draw], Located]
+) -> None:
+    """In random yards without a map, where equipment hides and reflects, the ellipses still hold 95 %."""
+    assert most([own for seed in range(100) for own in scores(kind(tmp_path, seed, in_random_yard))]) >= 0.95
+
+
+def most(held: list[bool]) -> float:
+    """Return the upper end of the Wilson interval of a share."""
+    _, high = proportion_confint(sum(held), len(held), method="wilson")
+    return float(np.asarray(high))
 
 
 def test_all_pulses_of_a_record_are_found(tmp_path: Path) -> None:
-    recording = Recording(2, SOURCE_M)
+    recording = in_free_field(2)
     expected = read_field_data(recording.write(tmp_path))
     recording.volts = [np.concatenate(volts, axis=-1)[np.newaxis] for volts in recording.volts]
     joined = read_field_data(recording.write(tmp_path))
@@ -61,7 +81,7 @@ def test_all_pulses_of_a_record_are_found(tmp_path: Path) -> None:
 
 
 def test_offsets_do_not_change_strengths(tmp_path: Path) -> None:
-    recording = Recording(3, SOURCE_M)
+    recording = in_free_field(3)
     expected = read_field_data(recording.write(tmp_path))
     data = read_field_data(recording.write(tmp_path, offsets_v=np.array([3e-3, 0, 0, -2e-3, 0, 0])))
     np.testing.assert_allclose(data.pulses.strengths_v, expected.pulses.strengths_v, atol=1e-4)
@@ -70,7 +90,7 @@ def test_offsets_do_not_change_strengths(tmp_path: Path) -> None:
 
 
 def test_text_of_each_vendor_gives_the_same_strengths(tmp_path: Path) -> None:
-    recording = Recording(4, SOURCE_M)
+    recording = in_free_field(4)
     recording.volts = [np.round(volts[:1], 5) for volts in recording.volts]
     table = recording.write(tmp_path, 1e-5)
     expected = read_field_data(table)
@@ -88,7 +108,7 @@ def test_text_of_each_vendor_gives_the_same_strengths(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_survey_in_each_dialect_has_the_findings_of_the_native_format(tmp_path: Path) -> None:
-    recording = Recording(8, SOURCE_M)
+    recording = in_free_field(8)
     recording.volts = [np.round(np.concatenate(volts, axis=-1)[np.newaxis], 5) for volts in recording.volts]
     table = recording.write(tmp_path, 1e-5)
     header, *rows = table.read_text().splitlines()
@@ -112,7 +132,7 @@ def as_numbers(report: Report) -> list[list[float]]:
 
 
 def test_files_per_channel_and_segments_give_the_same_strengths(tmp_path: Path) -> None:
-    recording = Recording(5, SOURCE_M)
+    recording = in_free_field(5)
     expected = read_field_data(recording.write(tmp_path)).pulses.strengths_v
     counts = [np.load(tmp_path / f"s{k}.npz")["waveforms"] for k in range(10)]
     scale, names = np.array([2e-5, 4e-5, 2e-5, 2e-5, 2e-5, 2e-5]), ",".join(f"waveform_{c}" for c in range(1, 7))
