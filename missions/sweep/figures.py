@@ -79,7 +79,7 @@ def draw_found_over_time(missions: Frame) -> Figure:
 
 def _draw_steps(missions: Frame, column: str, x: str, y: str, end: float | None = None) -> Figure:
     """Draw the share of all sources whose value in a column is at most x, up to `end`."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(8.5, 4.4), layout="constrained")
     axes = figure.add_subplot()
     axes.set_prop_cycle(color=[colormaps["tab20"](number) for number in (*range(0, 20, 2), *range(1, 20, 2))])
     for line, members in _with_lines(missions).groupby("line", sort=False):
@@ -90,7 +90,7 @@ def _draw_steps(missions: Frame, column: str, x: str, y: str, end: float | None 
         axes.step(values, shares, where="post", label=str(line))
     axes.set(xlabel=x, ylabel=y, ylim=(0.0, 1.02), xlim=(0.0, end))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-    _finish(figure)
+    _finish(figure, "outside right upper")
     return figure
 
 
@@ -108,21 +108,25 @@ def draw_over_setting(missions: Frame, key: str) -> Figure:
         "median time to confirm (s)": lambda members: statistic_of(members, "confirmed_s", np.nanmedian),
     }
     for axes, (title, estimate) in zip(figure.subplots(1, 3), panels.items(), strict=True):
-        for line, members in _with_lines(missions, key).groupby("line", sort=False):
+        lines = list(_with_lines(missions, key).groupby("line", sort=False))
+        for shift, (line, members) in zip(0.08 * (np.arange(len(lines)) - 0.5 * (len(lines) - 1)), lines, strict=True):
             of_place = {place: estimate(some) for place, some in members.groupby("place")}
             value, low, high = np.array(list(of_place.values())).T
-            axes.errorbar(list(of_place), value, [value - low, high - value], fmt="o", label=str(line))
+            axes.errorbar(
+                np.array(list(of_place)) + shift, value, [value - low, high - value], fmt="o", label=str(line)
+            )
         axes.set(title=title, xlabel=key)
-        axes.set_ylim(bottom=0.0)
-        axes.set_xticks(range(len(labels)), labels, rotation=30)
-    _finish(figure)
+        axes.set_ylim(0.0, 104.0 if title.endswith("(%)") else None)
+        axes.set_xticks(range(len(labels)), labels, rotation=30, ha="right", rotation_mode="anchor")
+    _finish(figure, "outside lower center")
     return figure
 
 
-def _finish(figure: Figure) -> None:
-    """Draw a grid, and a legend in the first panel if its lines have names."""
+def _finish(figure: Figure, place: str) -> None:
+    """Draw a grid, and at a place outside of the panels a legend if the lines have names."""
     for axes in figure.axes:
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
-    if any(figure.axes[0].get_legend_handles_labels()[1]):
-        figure.axes[0].legend(frameon=False)
+    handles, names = figure.axes[0].get_legend_handles_labels()
+    if any(names):
+        figure.legend(handles, names, loc=place, frameon=False, ncols=3 if "lower" in place else 1)
