@@ -160,7 +160,7 @@ def evaluate(folder: Path) -> str:
     lines = [["method", "mean error (m)", "median (m)"], ["---"] * 3]
     lines += [[name, f"{np.mean(each):.0f}", f"{np.median(each):.0f}"] for name, each in errors.items()]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + (
-        f"\n\n{inside.mean():.1%} of {inside.size} truths lie in their 95 % ellipses, whose median long semi-axis is "
+        f"\n\n{100.0 * inside.mean():.1f} % of {inside.size} truths lie in their 95 % ellipses, whose median long semi-axis is "
         f"{np.median(semi_major_m):.0f} m. {located.sum():.0f} count as located; {(located * (1 - inside)).sum():.0f} "
         "of these are outside their ellipses and **lost**."
     )
@@ -183,7 +183,7 @@ def evaluate_two(folder: Path) -> str:
     ours, simple = near / len(pairs.level_db)
     return (
         f"Two emitters at once, every {EVERY_PAIR}th sample, {len(pairs.level_db)} in all: both within {NEAR_M:.0f} m "
-        f"in {ours:.0%}; the two receivers with the strongest levels are in {simple:.0%}."
+        f"in {100.0 * ours:.0f} %; the two receivers with the strongest levels are in {100.0 * simple:.0f} %."
     )
 
 
