@@ -160,9 +160,9 @@ def evaluate(folder: Path) -> str:
     lines = [["method", "mean error (m)", "median (m)"], ["---"] * 3]
     lines += [[name, f"{np.mean(each):.0f}", f"{np.median(each):.0f}"] for name, each in errors.items()]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + (
-        f"\n\n{100.0 * inside.mean():.1f} % of {inside.size} truths lie in their 95 % ellipses, whose median long semi-axis is "
-        f"{np.median(semi_major_m):.0f} m. {located.sum():.0f} count as located; {(located * (1 - inside)).sum():.0f} "
-        "of these are outside their ellipses and **lost**."
+        f"\n\n{100.0 * inside.mean():.1f} % of {inside.size} truths lie in their 95 % ellipses, "
+        f"whose median long semi-axis is {np.median(semi_major_m):.0f} m. {located.sum():.0f} count as located; "
+        f"{(located * (1 - inside)).sum():.0f} of these are outside their ellipses and **lost**."
     )
 
 
