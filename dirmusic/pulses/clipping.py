@@ -133,7 +133,7 @@ def restored_strengths(
     power_v2 = uniform_filter1d(np.square(gate_v[reference]), max(3, n // 10), mode="constant")
     shape = gate_v[reference] * np.maximum(1.0 - noise_v2[reference] / np.maximum(power_v2, 1e-300), 0.0)
     shape /= np.sqrt(np.square(shape).sum())
-    for channel in np.flatnonzero(is_clipped):
+    for channel in np.flatnonzero(is_clipped & (strengths_v > 0.0)):  # without, rails are steps within the noise
         strength_v = strengths_v[channel] * np.geomspace(0.9, 100.0, 500)
         wave_v = strength_v[:, np.newaxis] * shape
         clipped_v = np.clip(wave_v, low_v[channel], high_v[channel])
