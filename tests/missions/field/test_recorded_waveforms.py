@@ -55,13 +55,16 @@ def test_faulty_records_hold_their_ellipses(tmp_path: Path, kind: Callable[[Path
     assert most(held) >= 0.95
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="neighbouring stops share errors by multipath: 85 to 91 % of the ellipses hold",
+TOO_SMALL = pytest.mark.xfail(
+    strict=True, raises=AssertionError, reason="neighbouring stops share errors by multipath: 88 to 89 % hold"
 )
-@pytest.mark.parametrize("kind", KINDS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(clipped, marks=TOO_SMALL), with_offsets, pytest.param(in_one_record, marks=TOO_SMALL)],
+)
 def test_faulty_records_hold_their_ellipses_among_equipment(
     tmp_path: Path, kind: Callable[[Path, int, Draw], Located]
 ) -> None:
