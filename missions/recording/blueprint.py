@@ -39,7 +39,7 @@ def blueprint(meta: Mapping[str, Any], *, is_live: bool, lists_recordings: bool 
         rrb.TextDocumentView(origin="mission/status", name="Story"),
         rrb.TextDocumentView(origin="mission/events", name="Events so far, the latest first"),
         rrb.TextDocumentView(origin="mission/legend", name="Colours"),
-        row_shares=[10, 7, 5],
+        row_shares=[11, 7, 5],
     )
     reach = UNITS_PER_DB * SPAN_DB
     pattern = rrb.Spatial2DView(

@@ -18,7 +18,7 @@ LEGEND = """\
 likely; **blue**: robot and path; **grey**: route; **green**: path by wheels alone; **brown**: sites; \
 **magenta**: truth.
 
-**1?** is a candidate, **1** a finding, which is confirmed; its ellipse holds the source with a probability of 95 %.
+**1?** is a candidate, **1** a finding, which is confirmed, with its 95 % ellipse.
 """
 
 
