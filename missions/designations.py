@@ -10,7 +10,7 @@ PHASE = re.compile(r"_l[123]$|(?<=[0-9])_[abc]$")
 
 
 def bay_of(name: str) -> str | None:
-    """Return the designation of the bay in a name, or None if there is none or the piece belongs to two bays."""
+    """Return the designation of the bay in a name, or None without one, or if the piece belongs to two bays."""
     bay = BAY.match(name)
     return bay and bay[1]
 

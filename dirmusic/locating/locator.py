@@ -120,7 +120,7 @@ class Detections(NamedTuple):
         expected: Expected number of detections; 0 where the source may be hidden or too weak.
         strongest_db: Level of the strongest pulse at the array, dB relative to 1 V; minus infinity without one.
         range_m: Distance of the array.
-        rate_hz: Rate of the detections where the source is visible and active; 0 if there are none.
+        rate_hz: Rate of the detections where the source is visible and active; 0 without detections.
     """
 
     detected: FloatArray

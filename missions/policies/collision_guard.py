@@ -113,9 +113,9 @@ class CollisionGuard:
         """Return the policy's action, slowed down where needed, or one that backs off towards the most free space.
 
         The obstacle of a collision, or of two stops within half a metre, is added to the map 5 cm ahead of the robot's
-        outline; that of a collision also nearer, because the mast may meet what the hull passes under. The acceleration
-        is limited to 1 m/s^2, well below the limit of the motors, so that one wrong lidar reading has little effect.
-        All assumed.
+        outline; that of a collision also nearer, because the mast may meet parts that the hull passes under. The
+        acceleration is limited to 1 m/s^2, well below the limit of the motors, so that one wrong lidar reading has
+        little effect. All assumed.
         """
         pose, time_s, robot = believed_pose(observation), time_of(observation, site_map), site_map.robot
         speed_mps, lidar_m = float(observation["velocity"][0]), observation["lidar"]

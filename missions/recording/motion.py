@@ -67,7 +67,7 @@ def at_steps(log: MissionLog, steps: IntArray) -> list[rr.TimeColumn]:
 def draw_motion(stream: rr.RecordingStream, part: LogBin, solids: YardSolids | None) -> None:
     """Draw changes of phase, and poses of robot, camera and moving bodies, as columns.
 
-    The camera avoids `solids`; they are None if the yard is unknown.
+    The camera avoids `solids`, which are None in an unknown yard.
     """
     log, first, end = part.log, part.first["step"], part.end
     if end == first:

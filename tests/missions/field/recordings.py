@@ -97,8 +97,8 @@ def _record(rng: np.random.Generator, poses: FloatArray, scene: Scene) -> Record
     """Record at true poses x m, y m, yaw rad, shape (n_poses, 3); those without a pulse are left out."""
     array, recorded = HelicalArray.draw(ArrayConfig(), rng), list[FloatArray]()
     for pose in poses:
-        heard = listen_once(RECEIVER, array, scene, rng, world_from_array=level_transform(pose), duration_s=1.0)
-        recorded.append(heard.waveforms_v)
+        detected = listen_once(RECEIVER, array, scene, rng, world_from_array=level_transform(pose), duration_s=1.0)
+        recorded.append(detected.waveforms_v)
     stated = poses + rng.normal(0.0, [0.05, 0.05, np.radians(0.5)], poses.shape)
     stated[:, 2] = np.degrees(stated[:, 2])
     kept = [k for k, volts in enumerate(recorded) if len(volts)]
