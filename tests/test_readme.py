@@ -80,15 +80,28 @@ def test_documented_settings_are_accepted(tmp_path: Path) -> None:
 
 
 def served_on_loopback(words: list[str], folder: Path, environment: dict[str, str]) -> None:
-    """Check that a command prints the address of its server."""
-    process = subprocess.Popen(
-        words, cwd=folder, env=environment | {"PYTHONUNBUFFERED": "1"}, stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    process.terminate()
-    process.communicate(timeout=30)
-    assert "http://127.0.0.1:" in line
+    """Check that a command prints the address of its server, and ends when it is asked to."""
+    errors = folder / "errors.txt"
+    with (
+        errors.open("w") as stderr,
+        subprocess.Popen(
+            words,
+            cwd=folder,
+            env=environment | {"PYTHONUNBUFFERED": "1"},
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+        ) as process,
+    ):
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        process.terminate()
+        try:
+            process.wait(timeout=120)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            pytest.fail(f"still serves two minutes after SIGTERM: {errors.read_text()}")
+    assert "http://127.0.0.1:" in line, errors.read_text()
 
 
 def run_snippet(snippet: str, folder: Path) -> None:

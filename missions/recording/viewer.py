@@ -152,7 +152,12 @@ def _wait(process: subprocess.Popen[str]) -> None:
     Raises:
         OSError: If it failed; the message is its last error.
     """
-    _, errors = process.communicate()
+    while True:
+        try:  # in steps: a signal that arrives just before a blocking read does not interrupt it
+            _, errors = process.communicate(timeout=1.0)
+            break
+        except subprocess.TimeoutExpired:
+            continue
     if process.returncode:
         lines = [line.removeprefix("Error: ") for line in errors.splitlines() if line and not line.startswith("note:")]
         raise OSError(f"the viewer does not start: {lines[-1] if lines else 'no error message'}")

@@ -51,7 +51,7 @@ def test_signal_ends_a_command_and_its_children(number: signal.Signals, tmp_path
     children = psutil.Process(process.pid).children()
     assert len(children) == 1
     process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=120)
     assert (process.returncode, errors) == (128 + number, "Interrupted\n")
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["complete"]
     assert not psutil.wait_procs(children, timeout=5.0)[1]
@@ -63,7 +63,7 @@ def test_second_signal_interrupts_what_the_first_did_not(tmp_path: Path) -> None
     assert process.stdout is not None
     assert process.stdout.readline() == "deferred\n"
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=120)
     assert (process.returncode, errors) == (128 + signal.SIGTERM, "Interrupted\n")
 
 
@@ -71,7 +71,7 @@ def test_ignored_signal_stays_ignored(tmp_path: Path) -> None:
     process = wait("0.5", tmp_path, "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n")
     process.send_signal(signal.SIGHUP)
     (child,) = psutil.Process(process.pid).children()
-    process.wait(timeout=30)
+    process.wait(timeout=120)
     child.kill()
     process.communicate()
     assert process.returncode == 0

@@ -57,7 +57,7 @@ def end(process: subprocess.Popen[str]) -> str:
     """End a command and its processes as Ctrl-C does, and return the rest of its output."""
     children = below(process.pid)
     os.killpg(process.pid, signal.SIGINT)
-    output, _ = process.communicate(timeout=20.0)
+    output, _ = process.communicate(timeout=120)
     deadline = time.monotonic() + 15.0
     while (alive := {pid for pid in children if title(pid)}) and time.monotonic() < deadline:
         time.sleep(0.1)
