@@ -14,10 +14,10 @@ from dirmusic.arrays import FloatArray
 
 State = Literal["candidate", "confirmed", "outside"]
 
-DEGREES_OF_FREEDOM = 4
-"""Degrees of freedom of the errors of positions, see `log_density`. Chosen on 377 findings in all levels of the suite:
-normal regions of 50, 68, 90 and 95 % held 69, 79, 91 and 94 % of them in the plane, and these 51, 72, 90 and 95 %.
-On 192 findings of the test part, used afterwards, these hold 56, 71, 94 and 97 %."""
+DEGREES_OF_FREEDOM = 8
+"""Degrees of freedom of the errors of positions, see `log_density`. Chosen on 93 findings in all levels of the suite:
+these regions of 50, 68, 90 and 95 % held 48, 71, 91 and 98 % of them in the plane and 44, 67, 95 and 99 % in space,
+normal ones 55, 77, 91 and 96 %."""
 
 OF_COVARIANCE = (DEGREES_OF_FREEDOM - 2) / DEGREES_OF_FREEDOM
 """Scale matrix of Student's t distribution relative to its covariance."""

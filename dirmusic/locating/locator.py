@@ -417,7 +417,6 @@ class Locator:
         for k, track in enumerate(tracks):
             states = np.r_[N_PLACE * k : N_PLACE * (k + 1), n : estimate.state.size]
             uncertainty = estimate.covariance[np.ix_(states, states)]
-            uncertainty[:N_PLACE, :N_PLACE] = estimate.covariances_m2[k]
             track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty)
         return estimate
 

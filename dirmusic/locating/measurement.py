@@ -24,11 +24,14 @@ import numpy as np
 
 from dirmusic.array.pattern import Boresight, PatternTable, gain_and_slopes_towards
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.compiled import compiled, compiled_inner
+from dirmusic.compiled import compiled, compiled_inner, elementwise
 from dirmusic.pulses.strengths import dot
 
 N_PLACE = 3
 """Number of states of a source: x, y, and height above the ground."""
+
+N_POSE, N_SHARED = 3, 4
+"""Number of errors of the pose, and with the phase of the ground wave."""
 
 WIDENING, TILT_X, TILT_Y, GROUND = range(4)
 """Order of the states of the mount and the ground: relative widening of the beam, tilt of the array about its x and y
@@ -59,6 +62,10 @@ LEAST_UNEXPLAINED, MULTIPATH_M = 0.01, 10.0
 
 LEAST_GAIN, TINY_VARIANCE = 1e-3, 1e-8
 """Lower limits of a gain with its error, and of the variance of a strength of unit norm, for numerical safety."""
+
+T_FREEDOM = 4.0
+"""Degrees of freedom of Student's t distribution of the strengths of a pulse (Lange, Little and Taylor 1989): errors by
+multipath differ from place to place, and outliers pull little. Assumed: as of the errors of positions."""
 
 FAR_OFF = (-1e3, 1e-3, 1.0, 30.0)
 """Result of `compare` for a pulse from another direction: practically impossible."""
@@ -260,12 +267,16 @@ class Prediction(NamedTuple):
         slope: Derivative of the predicted strengths by the position and by the states of the array, shape (n_elements,
             N_PLACE + n_array_states), up to multiples of the model.
         covariance: Covariance of the measured strengths, shape (n_elements, n_elements).
+        shared: Change of the measured strengths by one standard deviation of each error that neighbouring pulses share,
+            shape (n_elements, N_SHARED + n_elements): x, y and heading of the pose, phase of the ground wave, multipath
+            in each element.
     """
 
     model: FloatArray
     residual: FloatArray
     slope: FloatArray
     covariance: FloatArray
+    shared: FloatArray
 
 
 @compiled_inner
@@ -276,6 +287,7 @@ def empty_prediction(n_elements: int, n_states: int) -> Prediction:
         np.empty(n_elements),
         np.empty((n_elements, n_states)),
         np.empty((n_elements, n_elements)),
+        np.zeros((n_elements, N_SHARED + n_elements)),
     )
 
 
@@ -318,17 +330,18 @@ def predict(
         predicted: Output.
 
     Returns:
-        The amplitude, and the traces of two parts of the covariance: of errors that neighbouring pulses share, and of
-        the noise.
+        The amplitude, and the traces of two parts of the covariance: of errors that neighbouring pulses share, without
+        that of the ground wave, which differs between both sides of the array's plane; and of the noise.
     """
-    model, residual, slope, covariance = predicted
+    model, residual, slope, covariance, shared = predicted
     n, pose, usable = residual.size, pulses.pose[k], pulses.is_usable[k]
     gains, pointings, offsets, terms = N_COMMON, N_COMMON + n, N_COMMON + 2 * n, N_COMMON + 3 * n
     x, y, z, deviation = state[place] - pose[0], state[place + 1] - pose[1], state[place + 2], array_state[terms:]
     cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
-    nuisance, of_term = np.zeros((n, 4)), np.zeros(deviation.size)
+    of_term = np.zeros(deviation.size)
     model[:] = 0.0
     slope[:] = 0.0
+    shared[:] = 0.0
     for e in range(n):
         if not usable[e]:
             continue
@@ -366,27 +379,29 @@ def predict(
         of_array[gains + e], of_array[pointings + e], of_array[offsets + e] = nominal, -turn, factor
         for i in range(deviation.size):
             of_array[terms + i] = by_direct * of_array[terms + i] + by_image * of_term[i]
-        nuisance[e, 0], nuisance[e, 1] = noise.position_m * slope[e, 0], noise.position_m * slope[e, 1]
-        nuisance[e, 2], nuisance[e, 3] = noise.heading_rad * turn, larger * image.gain * coherent / ground
+        shared[e, 0], shared[e, 1] = noise.position_m * slope[e, 0], noise.position_m * slope[e, 1]
+        shared[e, 2], shared[e, 3] = noise.heading_rad * turn, larger * image.gain * coherent / ground
     remove_amplitude(model, slope[:, : N_PLACE + N_COMMON])
-    remove_amplitude(model, nuisance)
+    remove_amplitude(model, shared[:, :N_SHARED])
     amplitude = dot(pulses.strengths[k], model) / dot(model, model)
-    shared, by_noise, range_m = 0.0, 0.0, math.hypot(x, y)
-    relative2 = LEAST_UNEXPLAINED**2 + (noise.unexplained * range_m / (range_m + MULTIPATH_M)) ** 2
+    by_shared, by_noise, range_m = 0.0, 0.0, math.hypot(x, y)
+    multipath = math.hypot(LEAST_UNEXPLAINED, noise.unexplained * range_m / (range_m + MULTIPATH_M))
     for e in range(n):
         residual[e] = pulses.strengths[k, e] - amplitude * model[e]
         for i in range(slope.shape[1]):
             slope[e, i] *= amplitude
+        for i in range(N_SHARED):
+            shared[e, i] *= amplitude
+        shared[e, N_SHARED + e] = multipath * amplitude * model[e]
         for i in range(e + 1):
-            covariance[e, i] = covariance[i, e] = amplitude**2 * dot(nuisance[e], nuisance[i])
+            covariance[e, i] = covariance[i, e] = dot(shared[e], shared[i])
+        by_shared += covariance[e, e] - shared[e, N_POSE] ** 2
         if usable[e]:
-            unexplained = relative2 * (amplitude * model[e]) ** 2
-            shared += amplitude**2 * dot(nuisance[e, :3], nuisance[e, :3]) + unexplained
             by_noise += pulses.variance[k, e]
-            covariance[e, e] += unexplained + pulses.variance[k, e] + TINY_VARIANCE
+            covariance[e, e] += pulses.variance[k, e] + TINY_VARIANCE
         else:
             covariance[e, e] = 1.0
-    return amplitude, shared, by_noise
+    return amplitude, by_shared, by_noise
 
 
 @compiled_inner
@@ -429,12 +444,30 @@ def whiten(predicted: Prediction) -> float:
     Returns:
         Logarithm of the determinant across the model.
     """
-    model, residual, slope, covariance = predicted
+    model, residual, slope, covariance, _ = predicted
     log_det = factorise(covariance) - math.log(dot(model, model))
     substitute(covariance, model, residual, slope)
     remove_amplitude(model, residual.reshape(-1, 1))
     remove_amplitude(model, slope)
     return log_det + math.log(dot(model, model))
+
+
+@elementwise
+def t_cost(square: float, n_dimensions: float, t_freedom: float) -> float:
+    """Return the negative log density of Student's t distribution at a squared distance, up to terms that are fixed."""
+    return 0.5 * (t_freedom + n_dimensions) * math.log1p(square / t_freedom)
+
+
+@elementwise
+def t_weight(square: float, n_dimensions: float, t_freedom: float) -> float:
+    """Return the weight of a residual in a fit by least squares, its derivative by half of the square; 1 on average."""
+    return (t_freedom + n_dimensions) / (t_freedom + square)
+
+
+@compiled_inner
+def t_information(n_dimensions: float, t_freedom: float) -> float:
+    """Return the Fisher information about the mean, relative to that of a normal distribution of the same scale."""
+    return (t_freedom + n_dimensions) / (t_freedom + n_dimensions + 2.0)
 
 
 class FixedErrors(NamedTuple):
@@ -481,13 +514,36 @@ def errors_at(
     array_state, no_slope = state[of_sources:], np.empty((n_elements, 0))
     errors = FixedErrors(np.empty((n, n_elements, n_elements)), np.empty(n), np.empty(n))
     predicted = empty_prediction(n_elements, N_PLACE + array_state.size)
-    model, residual, _, covariance = predicted
+    model, residual, _, covariance, unused = predicted
     for k in range(n):
         _, shared, by_noise = predict(k, state, N_PLACE * source[k], array_state, pulses, array, noise, predicted)
         errors.weight[k] = probability[k] * (by_noise + shared) / (by_noise + repeats[k] * shared)
-        errors.log_det[k] = whiten(Prediction(model, residual, no_slope, covariance))
+        errors.log_det[k] = whiten(Prediction(model, residual, no_slope, covariance, unused))
         errors.factor[k] = covariance
     return errors
+
+
+@compiled_inner
+def whiten_again(
+    factor: FloatArray, amplitude: float, predicted: Prediction, is_usable: BoolArray
+) -> tuple[float, float, float]:
+    """Transform model, residual and slope, in place, as `whiten` does, with a covariance that is held fixed.
+
+    Args:
+        factor: Lower Cholesky factor of the covariance.
+        amplitude: Amplitude at which the slope was predicted.
+        predicted: The prediction.
+        is_usable: True for usable channels.
+
+    Returns:
+        Square and number of dimensions of the residual, and the factor of the slope for the best amplitude.
+    """
+    model, residual, slope, _, _ = predicted
+    substitute(factor, model, residual, slope)
+    refined = 1.0 + dot(model, residual) / (dot(model, model) * amplitude)
+    remove_amplitude(model, residual.reshape(-1, 1))
+    remove_amplitude(model, slope)
+    return dot(residual, residual), is_usable.sum() - 1.0, refined
 
 
 class CostExpansion(NamedTuple):
@@ -496,7 +552,7 @@ class CostExpansion(NamedTuple):
     Attributes:
         cost: Cost.
         gradient: Gradient, shape (n_states,).
-        hessian: Gauss-Newton Hessian, shape (n_states, n_states).
+        hessian: Expected Hessian, shape (n_states, n_states).
     """
 
     cost: float
@@ -512,11 +568,14 @@ def expand(
     pulses: PooledPulses,
     array: NominalArray,
     noise: Noise,
-    robust_scale: float,
+    t_freedom: float,
 ) -> CostExpansion:
-    r"""Compute the cost of the robust fit at a state, with its gradient and Gauss-Newton Hessian.
+    r"""Compute the cost of the fit at a state, with its gradient and expected Hessian.
 
-    .. math:: C = \sum_k w_k \left(s^2 (\sqrt{1 + \chi_k^2 / s^2} - 1) + \tfrac{1}{2} \log |C_{\perp k}|\right)
+    The strengths of a pulse have Student's t distribution of :math:`\nu` degrees of freedom on the d dimensions across
+    the model:
+
+    .. math:: \sum_k w_k \left(\frac{\nu + d_k}{2} \log (1 + \chi_k^2 / \nu) + \frac{1}{2} \log |C_{\perp k}|\right)
 
     The sum is over the pulses; their weights and covariances are fixed.
 
@@ -527,7 +586,7 @@ def expand(
         pulses: The pulses.
         array: The array as in its data sheet.
         noise: Standard deviations of errors that are not states.
-        robust_scale: Scale s of the pseudo-Huber loss.
+        t_freedom: Degrees of freedom; infinite for a normal distribution.
     """
     n, n_elements = pulses.strengths.shape
     n_sources = int(source.max()) + 1
@@ -536,23 +595,21 @@ def expand(
     own_gradient, own_hessian = np.zeros((n_sources, n_own)), np.zeros((n_sources, n_own, n_own))
     cost = 0.0
     predicted = empty_prediction(n_elements, n_own)
-    model, residual, slopes, _ = predicted
+    _, residual, slopes, _, _ = predicted
     for k in range(n):
         s = source[k]
         amplitude, _, _ = predict(k, state, N_PLACE * s, array_state, pulses, array, noise, predicted)
-        substitute(errors.factor[k], model, residual, slopes)
-        refined = 1.0 + dot(model, residual) / (dot(model, model) * amplitude)
-        remove_amplitude(model, residual.reshape(-1, 1))
-        remove_amplitude(model, slopes)
-        root = math.sqrt(1.0 + dot(residual, residual) / robust_scale**2)
-        cost += errors.weight[k] * (robust_scale**2 * (root - 1.0) + 0.5 * errors.log_det[k])
+        square, n_dimensions, refined = whiten_again(errors.factor[k], amplitude, predicted, pulses.is_usable[k])
+        weight = errors.weight[k] * t_weight(square, n_dimensions, t_freedom) * refined
+        sharpness = t_information(n_dimensions, t_freedom) * refined
+        cost += errors.weight[k] * (t_cost(square, n_dimensions, t_freedom) + 0.5 * errors.log_det[k])
         for e in range(n_elements):
             slope = slopes[e]
             for i in range(n_own):
-                weighted, row = errors.weight[k] / root * refined * slope[i], own_hessian[s, i]
+                weighted, row = weight * slope[i], own_hessian[s, i]
                 own_gradient[s, i] -= weighted * residual[e]
                 for j in range(i + 1):
-                    row[j] += weighted * refined * slope[j]
+                    row[j] += weighted * sharpness * slope[j]
     gradient, hessian = np.zeros(state.size), np.zeros((state.size, state.size))
     for s in range(n_sources):
         for i in range(n_own):
@@ -568,6 +625,45 @@ def expand(
 
 
 @compiled
+def shared_scores(
+    state: FloatArray,
+    errors: FixedErrors,
+    source: IntArray,
+    pulses: PooledPulses,
+    array: NominalArray,
+    noise: Noise,
+    t_freedom: float,
+) -> FloatArray:
+    """Compute the change of the gradient of the cost by errors that pulses share; arguments as in `expand`.
+
+    For Student's t distribution, it is scaled so that its mean square is the information in `CostExpansion.hessian`.
+
+    Returns:
+        Change by one standard deviation of each shared error, shape (n, N_SHARED + n_elements, n_states); see
+        `Prediction.shared`.
+    """
+    n, n_elements = pulses.strengths.shape
+    of_sources = N_PLACE * (int(source.max()) + 1)
+    array_state = state[of_sources:]
+    predicted = empty_prediction(n_elements, N_PLACE + array_state.size)
+    model, residual, slopes, _, shared = predicted
+    scores = np.zeros((n, shared.shape[1], state.size))
+    for k in range(n):
+        place = N_PLACE * source[k]
+        amplitude, _, _ = predict(k, state, place, array_state, pulses, array, noise, predicted)
+        substitute(errors.factor[k], np.copy(model), np.copy(residual), shared)
+        square, n_dimensions, refined = whiten_again(errors.factor[k], amplitude, predicted, pulses.is_usable[k])
+        of_t = t_weight(square, n_dimensions, t_freedom) * t_information(n_dimensions, t_freedom)
+        weight = errors.weight[k] * math.sqrt(of_t) * refined
+        for i in range(slopes.shape[1]):
+            column = place + i if i < N_PLACE else of_sources + i - N_PLACE
+            for e in range(n_elements):
+                for j in range(shared.shape[1]):
+                    scores[k, j, column] -= weight * slopes[e, i] * shared[e, j]
+    return scores
+
+
+@compiled
 def misfits(
     state: FloatArray, source: IntArray, pulses: PooledPulses, array: NominalArray, noise: Noise
 ) -> tuple[FloatArray, FloatArray]:
@@ -576,10 +672,10 @@ def misfits(
     errors = N_PLACE * (int(source.max()) + 1)
     array_state, misfit, log_det = state[errors:], np.empty(n), np.empty(n)
     predicted, no_slope = empty_prediction(n_elements, N_PLACE + array_state.size), np.empty((n_elements, 0))
-    model, residual, _, covariance = predicted
+    model, residual, _, covariance, unused = predicted
     for k in range(n):
         predict(k, state, N_PLACE * source[k], array_state, pulses, array, noise, predicted)
-        log_det[k] = whiten(Prediction(model, residual, no_slope, covariance))
+        log_det[k] = whiten(Prediction(model, residual, no_slope, covariance, unused))
         misfit[k] = dot(residual, residual)
     return misfit, log_det
 
@@ -613,7 +709,7 @@ def compare(
     """
     n_elements, n_own = pulses.strengths.shape[1], uncertainty.shape[0]
     predicted, spread, turn = empty_prediction(n_elements, n_own), np.empty(n_own), np.empty((n_elements, 1))
-    model, residual, slope, covariance = predicted
+    model, residual, slope, covariance, unused = predicted
     for i in range(rows.size):
         k = rows[i]
         x, y = place_m[0] - pulses.pose[k, 0], place_m[1] - pulses.pose[k, 1]
@@ -633,7 +729,7 @@ def compare(
                         spread[j] += slope[e, m] * uncertainty[m, j]
             for f in range(e + 1):
                 covariance[e, f] = covariance[f, e] = covariance[e, f] + dot(spread, slope[f])
-        log_det = whiten(Prediction(model, residual, turn, covariance))
+        log_det = whiten(Prediction(model, residual, turn, covariance, unused))
         misfit, information = dot(residual, residual), max(dot(turn[:, 0], turn[:, 0]), 1e-6)
         result[i, 0] = -0.5 * (misfit + log_det + freedom * math.log(2.0 * math.pi))
         result[i, 1], result[i, 2] = amplitude, 1.0 / math.sqrt(information)

@@ -21,8 +21,16 @@ import numpy as np
 
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.association import pooled
-from dirmusic.locating.joint_fit import ROBUST_SCALE
-from dirmusic.locating.measurement import N_PLACE, Noise, NominalArray, PooledPulses, whiten_residuals
+from dirmusic.locating.measurement import (
+    N_PLACE,
+    T_FREEDOM,
+    Noise,
+    NominalArray,
+    PooledPulses,
+    t_cost,
+    t_weight,
+    whiten_residuals,
+)
 from dirmusic.locating.protocol import PoseError
 from dirmusic.locating.pulse_pool import Groups
 
@@ -176,6 +184,7 @@ class Scatter(NamedTuple):
         along: Residuals times their derivatives by the position, shape (n, 3).
         information: Products of the derivatives, shape (n, 3, 3).
         log_det: Logarithm of the determinant of the covariance, shape (n,).
+        n_dimensions: Number of dimensions of the residual, shape (n,).
     """
 
     off_m: FloatArray
@@ -183,6 +192,7 @@ class Scatter(NamedTuple):
     along: FloatArray
     information: FloatArray
     log_det: FloatArray
+    n_dimensions: FloatArray
 
     @classmethod
     def about(
@@ -204,6 +214,7 @@ class Scatter(NamedTuple):
             np.einsum("nei,ne->ni", slope, residual),
             np.einsum("nei,nej->nij", slope, slope),
             log_det,
+            pulses.is_usable.sum(axis=-1) - 1.0,
         )
 
 
@@ -221,13 +232,13 @@ def fit(
     """
     prior, offsets_m = np.eye(N_PLACE) / APART_PRIOR_M**2, offsets_m.copy()
     for _ in range(n_rounds):
-        each, root = log_likelihoods(scatters, offsets_m, shares)
+        each, pull_weight = log_likelihoods(scatters, offsets_m, shares)
         own = np.exp(each - np.logaddexp.reduce(each)) * weight
         shares = np.maximum(own.sum(axis=1) / weight.sum(), MIN_SHARE)
         shares /= shares.sum()
         for k, scatter in enumerate(scatters):
-            information = np.tensordot(own[k] / root[k], scatter.information, 1)
-            pull = (own[k] / root[k]) @ scatter.along + information @ scatter.off_m
+            information = np.tensordot(own[k] * pull_weight[k], scatter.information, 1)
+            pull = (own[k] * pull_weight[k]) @ scatter.along + information @ scatter.off_m
             offsets_m[k] = np.linalg.solve(information + prior, pull)
     each, _ = log_likelihoods(scatters, offsets_m, shares)
     prior_cost = 0.5 * float(np.square(offsets_m / APART_PRIOR_M).sum())
@@ -237,11 +248,11 @@ def fit(
 def log_likelihoods(
     scatters: Sequence[Scatter], offsets_m: FloatArray, shares: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the log likelihood of each group and source, and the root in the pseudo-Huber loss, shape (k, n)."""
-    roots: list[FloatArray] = []
+    """Return the log likelihood of each group and source, and the weight of its residual, both of shape (k, n)."""
+    costs, weights = list[FloatArray](), list[FloatArray]()
     for scatter, offset_m in zip(scatters, offsets_m, strict=True):
         off_m = offset_m - scatter.off_m
-        chi2 = scatter.square - 2.0 * scatter.along @ off_m + scatter.information @ off_m @ off_m
-        roots.append(np.sqrt(1.0 + np.maximum(chi2, 0.0) / ROBUST_SCALE**2))
-    root, log_det = np.array(roots), np.array([scatter.log_det for scatter in scatters])
-    return np.log(shares)[:, np.newaxis] - ROBUST_SCALE**2 * (root - 1.0) - 0.5 * log_det, root
+        chi2 = np.maximum(scatter.square - 2.0 * scatter.along @ off_m + scatter.information @ off_m @ off_m, 0.0)
+        costs.append(t_cost(chi2, scatter.n_dimensions, T_FREEDOM) + 0.5 * scatter.log_det)
+        weights.append(t_weight(chi2, scatter.n_dimensions, T_FREEDOM))
+    return np.log(shares)[:, np.newaxis] - np.array(costs), np.array(weights)

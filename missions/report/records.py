@@ -177,7 +177,7 @@ class FindingRecord(ReportPart):
     """Standard deviations of x, y, z, metres."""
     covariance_m2: tuple[Point, Point, Point]
     """Covariance of x, y, z, world frame, square metres, including the errors of the array and of the localisation
-    against the map. The position has Student's t distribution with 4 degrees of freedom and this covariance."""
+    against the map. The position has Student's t distribution with 8 degrees of freedom and this covariance."""
     existence: Probability
     """Probability that a source exists there."""
     possibly_two: bool

@@ -96,7 +96,7 @@ def test_bound_is_that_of_the_derivatives_of_the_fit() -> None:
     source, once = np.zeros(n, dtype=np.intp), np.ones(n)
     state = np.concatenate([case.sources_m[0], noisy.array_state])
     errors = errors_at(state, source, once, once, *data)
-    information = expand(state, errors, source, *data, robust_scale=1e6).hessian
+    information = expand(state, errors, source, *data, t_freedom=1e6).hessian
     information[2, 2] += HEIGHT_PRIOR_M[1] ** -2
     information[N_PLACE:, N_PLACE:] += prior_of(case).information
     np.testing.assert_allclose(position_bound(noisy), np.linalg.inv(information)[:2, :2], rtol=0.02, atol=1e-5)

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
 
 from dirmusic import ArrayModel, ElementErrors, ElementSpread, GainManifold, PoseError
 from dirmusic.array.pattern import TabulatedPattern
 from dirmusic.arrays import FloatArray
-from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB, ErrorLevels, JointEstimate, JointFit
+from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB, MULTIPATH_APART_M, ErrorLevels, JointEstimate, JointFit
 from dirmusic.locating.measurement import LEAST_UNEXPLAINED, MULTIPATH_M, N_HARMONICS, PooledPulses
 from dirmusic.locating.pulse_pool import Groups
 
@@ -210,7 +211,10 @@ def survey(
     array: ArrayModel = ARRAY,
     n: int = 40,
 ) -> Survey:
-    """Draw a survey; `noise` is relative to the norm of a pulse, `unexplained` to each strength of a far source."""
+    """Draw a survey; `noise` is relative to the norm of a pulse, `unexplained` to each strength of a far source.
+
+    Pulses from near each other share unexplained errors.
+    """
     place_m, pose = drawn_place(rng) if place_m is None else place_m, drive_past(rng, n)
     error = np.array([POSE_ERROR.position_m, POSE_ERROR.position_m, POSE_ERROR.heading_rad])
     true_pose, places_m = pose + error * rng.normal(size=pose.shape), np.tile(place_m, (n, 1))
@@ -219,7 +223,8 @@ def survey(
     else:
         strengths = modelled(true_pose, places_m, array, nature)
     strengths = strengths / np.linalg.norm(strengths, axis=-1, keepdims=True)
-    own = unexplained_error(true_pose, place_m, unexplained) * rng.normal(size=(n, 6))
+    near = np.exp(-cdist(true_pose[:, :2], true_pose[:, :2]) / MULTIPATH_APART_M) + 1e-9 * np.eye(n)
+    own = unexplained_error(true_pose, place_m, unexplained) * (np.linalg.cholesky(near) @ rng.normal(size=(n, 6)))
     strengths = strengths * (1.0 + own) + noise * rng.normal(size=(n, 6))
     norm = np.linalg.norm(strengths, axis=-1, keepdims=True)
     pulses = PooledPulses(pose, strengths / norm, noise**2 / norm**2 * np.ones((n, 6)), np.ones((n, 6), dtype=np.bool_))

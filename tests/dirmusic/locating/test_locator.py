@@ -139,13 +139,7 @@ def test_two_sources_have_a_finding_and_pulses_each() -> None:
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(
-    "radius_m",
-    [
-        pytest.param(6.0, marks=pytest.mark.xfail(strict=True, reason="one track with large errors takes all pulses")),
-        9.0,
-    ],
-)
+@pytest.mark.parametrize("radius_m", [6.0, 9.0])
 def test_two_sources_are_told_apart_from_around_both(radius_m: float) -> None:
     """On a circle around both sources, each is confirmed, as from between them."""
     locator, _ = listen(detections(path_round((20.0, 15.0), radius_m, 0.0, 330.0, 240), TWO_M, 0))

@@ -9,6 +9,7 @@ from dirmusic import ArrayModel, ElementErrors, GainManifold
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.joint_fit import array_prior, nominal_array
 from dirmusic.locating.measurement import (
+    N_SHARED,
     N_TERMS,
     TINY_VARIANCE,
     Noise,
@@ -18,6 +19,7 @@ from dirmusic.locating.measurement import (
     errors_at,
     expand,
     predict,
+    shared_scores,
     whiten,
 )
 from tests.dirmusic.locating.forward_model import ARRAY as RING
@@ -92,7 +94,7 @@ def prediction(
 ) -> tuple[Prediction, tuple[float, float, float]]:
     """Predict one pulse."""
     state, n = state_of(NATURE) if state is None else state, array.manifold.n_elements
-    result = Prediction(np.empty(n), np.empty(n), np.empty((n, 3 + state.size)), np.empty((n, n)))
+    result = Prediction(*(np.zeros(shape) for shape in (n, n, (n, 3 + state.size), (n, n), (n, N_SHARED + n))))
     return result, predict(k, place_m, 0, state, pulses, nominal_array(array), NOISE, result)
 
 
@@ -157,6 +159,25 @@ def test_gradient_is_that_of_the_cost() -> None:
     np.testing.assert_allclose(gradient, np.array(expected) / (2.0 * step), rtol=1e-5, atol=1e-5)
 
 
+def test_shared_errors_change_the_gradient_as_stated() -> None:
+    """Errors of strengths that are otherwise as predicted, also for a pulse with a weight of its own."""
+    state, weight = np.concatenate([PLACE_M, state_of(NATURE)]), np.linspace(0.5, 2.0, N)
+    source, once = np.zeros(N, dtype=np.intp), np.ones(N)
+    exact = np.array([prediction(drawn_pulses(), k)[0].model for k in range(N)])
+    pulses = pulses_at(POSE, exact / np.linalg.norm(exact, axis=-1, keepdims=True))
+    data = nominal_array(ARRAY), NOISE, 1e9
+    errors = errors_at(state, source, once, once, pulses, *data[:2])._replace(weight=weight)
+    scores, step = shared_scores(state, errors, source, pulses, *data), 1e-4
+    for j in range(scores.shape[1]):
+        change = np.array([prediction(pulses, k)[0].shared[:, j] for k in range(N)])
+        ends = [
+            expand(state, errors, source, pulses._replace(strengths=pulses.strengths + at * change), *data).gradient
+            for at in (step, -step)
+        ]
+        expected = (ends[0] - ends[1]) / (2.0 * step)
+        np.testing.assert_allclose(scores[:, j].sum(axis=0), expected, atol=1e-4 * np.abs(expected).max())
+
+
 def test_covariance_is_that_of_pose_noise_and_ground() -> None:
     """The covariance adds errors of pose, interference, unexplained errors and noise."""
     pulses = drawn_pulses()
@@ -174,6 +195,8 @@ def test_covariance_is_that_of_pose_noise_and_ground() -> None:
         expected = nuisance @ nuisance.T + np.diag(own + 0.01**2 + TINY_VARIANCE)
         np.testing.assert_allclose(result.covariance, expected, atol=2e-5 * expected.max())
         assert shared == pytest.approx(np.square(nuisance[:, :3]).sum() + own.sum(), rel=1e-4)
+        of_shared = result.shared @ result.shared.T
+        np.testing.assert_allclose(result.covariance, of_shared + (0.01**2 + TINY_VARIANCE) * np.eye(6))
 
 
 def compared(pulses: PooledPulses, array: ArrayModel, state: FloatArray, uncertainty: FloatArray) -> FloatArray:
@@ -265,7 +288,7 @@ def test_whitened_residual_is_that_of_the_best_amplitude() -> None:
     flat = basis.T @ covariance @ basis
     weight = basis @ np.linalg.solve(flat, basis.T)
     expected = residual @ weight @ residual, slope.T @ weight @ slope
-    log_det = whiten(Prediction(model, residual, slope, covariance))
+    log_det = whiten(Prediction(model, residual, slope, covariance, np.empty((5, 0))))
     assert log_det == pytest.approx(np.linalg.slogdet(flat)[1])
     assert residual @ residual == pytest.approx(expected[0])
     np.testing.assert_allclose(slope.T @ slope, expected[1])

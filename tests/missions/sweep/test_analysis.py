@@ -113,7 +113,7 @@ def test_coverage_is_that_of_stated_covariances() -> None:
     rng = np.random.default_rng(3)
     rows = list[dict[str, object]]()
     for k in range(4000):
-        low, z = k % 2 == 0, rng.standard_normal(3) * np.sqrt(2.0 / rng.chisquare(4))  # Student's t, variance 1
+        low, z = k % 2 == 0, rng.standard_normal(3) * np.sqrt(6.0 / rng.chisquare(8))  # Student's t, variance 1
         squares = np.square(z if low else np.sqrt(2.0) * z).cumsum()
         rows.append(
             {
@@ -129,7 +129,7 @@ def test_coverage_is_that_of_stated_covariances() -> None:
         assert isinstance(of_low, Estimate)
         assert of_low.low <= 100.0 * share <= of_low.high, name
         assert of_low.value > of_all.value
-        assert of_all.value == pytest.approx(50.0 * (share + f.cdf(f.ppf(share, n, 4) / 2.0, n, 4)), abs=2.5), name
+        assert of_all.value == pytest.approx(50.0 * (share + f.cdf(f.ppf(share, n, 8) / 2.0, n, 8)), abs=2.5), name
 
 
 def test_paired_interval_is_over_yards() -> None:
