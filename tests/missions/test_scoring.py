@@ -74,7 +74,7 @@ def test_distances_and_log_score_are_those_of_the_stated_distribution() -> None:
     assert (match.error_m, match.height_error_m) == pytest.approx((np.hypot(0.3, 0.2), 0.4))
     assert match.mahalanobis2_3d == pytest.approx(np.square(np.linalg.solve(root, offset_m)).sum())
     assert match.mahalanobis2_2d == pytest.approx(np.square(np.linalg.solve(root[:2, :2], offset_m[:2])).sum())
-    assert match.log_score == pytest.approx(-multivariate_t.logpdf(offset_m, shape=0.5 * covariance, df=4))
+    assert match.log_score == pytest.approx(-multivariate_t.logpdf(offset_m, shape=0.75 * covariance, df=8))
     assert match.is_inside(0.95)[0] is is_inside95(offset_m[:2], covariance[:2, :2])
 
 

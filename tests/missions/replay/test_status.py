@@ -33,7 +33,7 @@ def test_story_states_phase_and_current_findings(tmp_path: Path) -> None:
     texts = {step: text for step, (text,) in recorded(log, tmp_path)["mission/status"]["text"].items()}
     assert "### The robot approaches candidate 3" in texts[4]
     assert "- **candidate 3** near " in texts[4]
-    assert ", within 2.36 m, probability 90\N{NO-BREAK SPACE}%, possibly two" in texts[4]
+    assert ", within 2.31 m, probability 90\N{NO-BREAK SPACE}%, possibly two" in texts[4]
     assert "candidate 3" not in texts[19]
     assert "- **finding 4** near " in texts[19]
 
