@@ -87,7 +87,7 @@ def test_active_keeps_a_nearly_best_viewpoint() -> None:
     sight_m = target.position_m[:2] - view
     assert np.linalg.norm(sight_m) < 5.0
     assert abs(np.arctan2(sight_m[1], sight_m[0])) > np.radians(30.0)
-    moved = seen(16.0, 4.5, 2.0, 0.2)
+    moved = seen(16.0, 4.2, 2.0, 0.2)
     np.testing.assert_array_equal(viewpoint(policy, moved, POSE), view)
     assert not np.array_equal(viewpoint(Active(), moved, POSE), view)
 
