@@ -47,7 +47,7 @@ from dirmusic.locating.joint_fit import ErrorLevels, JointEstimate, JointFit, ar
 from dirmusic.locating.measurement import N_PLACE, Noise
 from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pairs import compare_pairs
-from dirmusic.locating.pulse_pool import PulsePool, Visibility, choose_evenly
+from dirmusic.locating.pulse_pool import ROUNDING, PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
 from dirmusic.locating.two_sources import ONE_SOURCE, compare_with_two
@@ -575,7 +575,7 @@ class Locator:
         threshold_db = np.quantile(groups.level_db, THRESHOLD_QUANTILE) + THRESHOLD_MARGIN_DB
         is_visible = (transmission >= 10.0 ** (-2.0 * EQUAL_LOSS_DB / 20.0)) & (free_db > threshold_db)
         is_visible &= track.semi_major_m <= LOCATED_M
-        second = np.clip(np.searchsorted(pool.listened_s, groups.time_s, side="right") - 1, 0, None)
+        second = np.clip(np.searchsorted(pool.listened_s, groups.time_s + ROUNDING, side="right") - 1, 0, None)
         detected = np.zeros(pool.listened_s.size)
         np.add.at(detected, second, track.direct * groups.n_pulses)
         possible = np.bincount(second, is_possible * groups.n_pulses, pool.listened_s.size).astype(np.float64)
