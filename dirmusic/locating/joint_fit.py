@@ -136,8 +136,9 @@ class JointEstimate:
         errors: Errors of the elements, with the yaw of the mount in their pointing; their covariance includes the
             uncertainty of the positions.
         state: All states: the positions, then the states of the array, see `measurement.predict`; shape (n_states,).
-        covariance: Covariance of all states for the association, shape (n_states, n_states). Pulses from one place
-            count as one in it, so that it is larger than the others.
+        covariance: Covariance of all states, shape (n_states, n_states).
+        cautious_covariance: Covariance in which pulses from one place count as one, for the association, shape
+            (n_states, n_states); it is larger.
         levels: Estimated error levels.
     """
 
@@ -146,6 +147,7 @@ class JointEstimate:
     errors: EstimatedErrors
     state: FloatArray
     covariance: FloatArray
+    cautious_covariance: FloatArray
     levels: ErrorLevels
 
 
@@ -313,13 +315,15 @@ class JointFit:
             levels = self._estimate_levels(optimum, levels)
             optimum = self._minimise(optimum.state, levels)
         n, of_elements = self._places_m.size, slice(self._places_m.size + N_COMMON, -N_TERMS)
-        more, stated = self._height_errors(optimum, levels), self._with_shared_errors(optimum, levels)
+        more = self._height_errors(optimum, levels)
+        covariance = self._with_shared_errors(optimum, levels) + more
         return JointEstimate(
             positions_m=optimum.state[:n].reshape(-1, N_PLACE),
-            covariances_m2=np.array([(stated + more)[k : k + N_PLACE, k : k + N_PLACE] for k in range(0, n, N_PLACE)]),
-            errors=EstimatedErrors(state=optimum.state[of_elements], covariance=stated[of_elements, of_elements]),
+            covariances_m2=np.array([covariance[k : k + N_PLACE, k : k + N_PLACE] for k in range(0, n, N_PLACE)]),
+            errors=EstimatedErrors(state=optimum.state[of_elements], covariance=covariance[of_elements, of_elements]),
             state=optimum.state,
-            covariance=optimum.covariance + more,
+            covariance=covariance,
+            cautious_covariance=optimum.covariance + more,
             levels=levels,
         )
 

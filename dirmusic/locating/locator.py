@@ -388,7 +388,7 @@ class Locator:
             self.estimate = self._check_known_errors(best, self.estimate)
             n = N_PLACE * len(best)
             self._levels, self._array_state = self.estimate.levels, self.estimate.state[n:]
-            self._array_covariance = self.estimate.covariance[n:, n:]
+            self._array_covariance = self.estimate.cautious_covariance[n:, n:]
             self._check_comparisons()
         for track in tracks:
             if track not in best and self._has_changed(track):
@@ -416,7 +416,7 @@ class Locator:
         n = N_PLACE * len(tracks)
         for k, track in enumerate(tracks):
             states = np.r_[N_PLACE * k : N_PLACE * (k + 1), n : estimate.state.size]
-            uncertainty = estimate.covariance[np.ix_(states, states)]
+            uncertainty = estimate.cautious_covariance[np.ix_(states, states)]
             track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty)
         return estimate
 
