@@ -56,14 +56,14 @@ def test_faulty_records_hold_their_ellipses(tmp_path: Path, kind: Callable[[Path
 
 
 TOO_SMALL = pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="neighbouring stops share errors by multipath: 88 to 89 % hold"
+    strict=True, raises=AssertionError, reason="of two sources among equipment, 86 % are held; not yet explained"
 )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(clipped, marks=TOO_SMALL), with_offsets, pytest.param(in_one_record, marks=TOO_SMALL)],
+    [clipped, with_offsets, pytest.param(in_one_record, marks=TOO_SMALL)],
 )
 def test_faulty_records_hold_their_ellipses_among_equipment(
     tmp_path: Path, kind: Callable[[Path, int, Draw], Located]
