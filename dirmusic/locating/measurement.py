@@ -394,7 +394,8 @@ def predict(
             shared[e, i] *= amplitude
         shared[e, N_SHARED + e] = multipath * amplitude * model[e]
         for i in range(e + 1):
-            covariance[e, i] = covariance[i, e] = dot(shared[e], shared[i])
+            covariance[e, i] = covariance[i, e] = dot(shared[e, :N_SHARED], shared[i, :N_SHARED])
+        covariance[e, e] += shared[e, N_SHARED + e] ** 2
         by_shared += covariance[e, e] - shared[e, N_POSE] ** 2
         if usable[e]:
             by_noise += pulses.variance[k, e]
