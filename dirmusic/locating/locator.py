@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logit
 
-from dirmusic.angles import aperture, azimuth_of
+from dirmusic.angles import aperture, azimuth_of, unit_vector
 from dirmusic.array.model import ArrayModel
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.array_estimate import ArrayEstimate
@@ -460,21 +460,35 @@ class Locator:
     def _split(self) -> None:
         """Compare likely tracks with two sources, and split those that certainly are two."""
         for track in list(self._tracks):
-            is_likely = track.log_odds > 0.0 and track.semi_major_m < LOCATED_M and track.state != "outside"
-            n, _ = self._basis(track)
-            if not is_likely or n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
+            if track.log_odds <= 0.0 or track.semi_major_m >= LOCATED_M or track.state == "outside":
                 continue
-            rows = choose_evenly(np.flatnonzero(track.direct > FITTED_PROBABILITY), MOST_TESTED)
+            near = self._near(track)
+            n = float(near.sum())
+            if n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
+                continue
+            rows = choose_evenly(np.flatnonzero(near > FITTED_PROBABILITY), MOST_TESTED)
             track.n_tested = n
             place = track.position_m, self._array_state, self._nominal
             by_residuals = compare_with_two(
-                self._pool.groups.take(rows), track.direct[rows], self._window[rows], *place, self.pose_error
+                self._pool.groups.take(rows), near[rows], self._window[rows], *place, self.pose_error
             )
             track.two = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place, by_residuals)
             is_confirmed = track.state == "confirmed" and track.two.is_certain
             is_candidate = track.state == "candidate" and track.two.is_certain_of_candidate
             if (is_confirmed or is_candidate) and not track.twin:
                 self._split_in_two(track)
+
+    def _near(self, track: Track) -> FloatArray:
+        """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,)."""
+        groups, others = self._pool.groups, np.zeros(track.direct.size)
+        for other in self._tracks:
+            if other is not track:
+                others += other.direct
+        sight = unit_vector(groups.azimuth_rad + groups.pose[:, 2])
+        off_m = track.position_m[:2] - groups.pose[:, :2]
+        past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
+        is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
+        return np.where(is_near, np.maximum(1.0 - others, track.direct), track.direct)
 
     def _split_in_two(self, track: Track) -> None:
         """Replace a track by two at its both likely positions."""

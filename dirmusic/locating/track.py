@@ -67,7 +67,7 @@ class Track:
         n_compared: Number of leading groups whose comparison is up to date.
         fitted: Number of its groups and aperture at the last fit.
         two: Latest comparison with two sources.
-        n_tested: Number of its groups at that time.
+        n_tested: Number of groups that were compared at that time, its own and others near it.
         twin: Id of the track that was split off from it, or from which it was split off; 0 without one.
     """
 

@@ -18,9 +18,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.special import gammaln
 
 from dirmusic.arrays import FloatArray, IntArray
-from dirmusic.locating.association import pooled
+from dirmusic.locating.association import log_flat_density, pooled
 from dirmusic.locating.measurement import (
     N_PLACE,
     T_FREEDOM,
@@ -56,6 +57,10 @@ which a candidate is, which may be a moving interferer. Measured: on a circle of
 to 40, and those 1 m apart 75 to 140; most single sources stay below 2, but high ones in a hall with strong reflections
 reach 90."""
 
+USUAL_GROUPS = 20.0
+"""Number of independent groups below which these thresholds are in proportion to it, as is the evidence by reflections
+(assumed). Measured in surveys of 5 to 24 poses among equipment: single sources reach 1.3 per group."""
+
 USUAL_UNEXPLAINED, LEAST_APART_RAD = 0.04, 0.2
 """Level of unexplained errors from which these thresholds grow in proportion to it, and least angle between two
 sources, seen from nearby, for a split (assumed): reflections look like a second source at a smaller angle."""
@@ -63,6 +68,9 @@ sources, seen from nearby, for a split (assumed): reflections look like a second
 LEAST_APART_M, MOST_APART_M, LEAST_SHARE = 0.25, 8.0, 0.2
 """Limits of the distance of two sources and of their shares (assumed): nearer, errors of the array look like two
 sources; farther apart or rarer, the other pulses are reflections, or those of another track."""
+
+OTHERS_SHARE = 0.1
+"""Share of groups that come from neither source at the start of the iteration (assumed)."""
 
 NEAR_QUANTILE = 0.1
 """Quantile of the ranges of the groups that is taken as near (assumed)."""
@@ -78,6 +86,7 @@ class TwoSources(NamedTuple):
         unexplained: Level of unexplained errors that suits two sources best.
         near_m: Distance of the nearest groups from the track; infinite if it does not matter.
         least_apart_m: Distance below which they look like one.
+        n_independent: Number of independent groups; infinite if it does not matter.
     """
 
     evidence: float
@@ -86,6 +95,7 @@ class TwoSources(NamedTuple):
     unexplained: float = 0.0
     near_m: float = np.inf
     least_apart_m: float = LEAST_APART_M
+    n_independent: float = np.inf
 
     @property
     def apart_m(self) -> float:
@@ -113,7 +123,8 @@ class TwoSources(NamedTuple):
         return self.apart_m > LEAST_APART_RAD * self.near_m
 
     def _exceeds(self, least: float) -> bool:
-        return self.evidence > least * max(self.unexplained / USUAL_UNEXPLAINED, 1.0)
+        few = min(self.n_independent / USUAL_GROUPS, 1.0)
+        return self.evidence > least * few * max(self.unexplained / USUAL_UNEXPLAINED, 1.0)
 
     @property
     def scatter_m2(self) -> FloatArray:
@@ -136,8 +147,8 @@ def compare_with_two(
     """Test whether the groups of a track come from two sources.
 
     Args:
-        groups: Groups of the track.
-        probability: Probability that each belongs to it, shape (n,).
+        groups: Groups of the track, and of directions near it that no other track explains.
+        probability: Probability that each belongs to the track or a source near it, shape (n,).
         window: Number of the window of each group, shape (n,).
         place_m: Estimated position of the track, shape (3,).
         array_state: States of the array.
@@ -169,10 +180,11 @@ def compare_with_two(
             two = first
             for _ in range(N_LINEARISED):
                 offsets_m = np.clip(two.offsets_m, -MOST_APART_M, MOST_APART_M)
-                two = fit([about(off_m, unexplained) for off_m in offsets_m], weight, offsets_m, two.shares, N_ROUNDS)
+                rivals = [about(off_m, unexplained) for off_m in offsets_m]
+                two = fit(rivals, weight, offsets_m, two.shares, N_ROUNDS)
             twos.append(two._replace(unexplained=unexplained))
     best = max(twos, key=lambda two: two.evidence)
-    return best._replace(evidence=best.evidence - ones[k].evidence, near_m=near_m)
+    return best._replace(evidence=best.evidence - ones[k].evidence, near_m=near_m, n_independent=float(weight.sum()))
 
 
 class Scatter(NamedTuple):
@@ -227,10 +239,11 @@ def fit(
         scatters: Residuals about k positions near the sources.
         weight: Weight of each group, shape (n,).
         offsets_m: Offsets at the start, shape (k, 3).
-        shares: Shares at the start, shape (k,).
+        shares: Shares of the sources at the start, shape (k,).
         n_rounds: Number of rounds.
     """
     prior, offsets_m = np.eye(N_PLACE) / APART_PRIOR_M**2, offsets_m.copy()
+    shares = np.append((1.0 - OTHERS_SHARE) * shares, OTHERS_SHARE)
     for _ in range(n_rounds):
         each, pull_weight = log_likelihoods(scatters, offsets_m, shares)
         own = np.exp(each - np.logaddexp.reduce(each)) * weight
@@ -242,17 +255,23 @@ def fit(
             offsets_m[k] = np.linalg.solve(information + prior, pull)
     each, _ = log_likelihoods(scatters, offsets_m, shares)
     prior_cost = 0.5 * float(np.square(offsets_m / APART_PRIOR_M).sum())
-    return TwoSources(float(weight @ np.logaddexp.reduce(each)) - prior_cost, offsets_m, shares)
+    evidence = float(weight @ np.logaddexp.reduce(each)) - prior_cost
+    return TwoSources(evidence, offsets_m, shares[:-1] / shares[:-1].sum())
 
 
 def log_likelihoods(
     scatters: Sequence[Scatter], offsets_m: FloatArray, shares: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the log likelihood of each group and source, and the weight of its residual, both of shape (k, n)."""
-    costs, weights = list[FloatArray](), list[FloatArray]()
+    """Return log likelihoods of each group under k sources and none of them, and the weights of its residuals.
+
+    Returns:
+        Log likelihoods, shape (k + 1, n), and weights, shape (k, n).
+    """
+    each, weights, d = list[FloatArray](), list[FloatArray](), scatters[0].n_dimensions
+    normed = gammaln(0.5 * (T_FREEDOM + d)) - gammaln(0.5 * T_FREEDOM) - 0.5 * d * np.log(T_FREEDOM * np.pi)
     for scatter, offset_m in zip(scatters, offsets_m, strict=True):
         off_m = offset_m - scatter.off_m
         chi2 = np.maximum(scatter.square - 2.0 * scatter.along @ off_m + scatter.information @ off_m @ off_m, 0.0)
-        costs.append(t_cost(chi2, scatter.n_dimensions, T_FREEDOM) + 0.5 * scatter.log_det)
-        weights.append(t_weight(chi2, scatter.n_dimensions, T_FREEDOM))
-    return np.log(shares)[:, np.newaxis] - np.array(costs), np.array(weights)
+        each.append(normed - t_cost(chi2, d, T_FREEDOM) - 0.5 * scatter.log_det)
+        weights.append(t_weight(chi2, d, T_FREEDOM))
+    return np.log(shares)[:, np.newaxis] + np.array([*each, log_flat_density(d + 1.0)]), np.array(weights)

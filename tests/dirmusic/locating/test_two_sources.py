@@ -55,3 +55,24 @@ def test_one_source_is_not_possibly_two() -> None:
         _, findings = located(seed, 0.0)
         assert len(findings) == 1
         assert not findings[0].possibly_two
+
+
+def test_weaker_source_near_another_is_found_from_few_places() -> None:
+    """Its pulses initiate no track within 2 m of the other source; before, they were left aside."""
+    n_right = 0
+    for seed in range(6):
+        angle = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi)
+        half_m = 0.75 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        path = path_round(CENTRE_M[:2], 2.5, 0.0, 342.0, 20)
+        weak, strong = (
+            detections(path, place_m[np.newaxis], seed, rate=1.0, volts=volts)
+            for place_m, volts in ((CENTRE_M + half_m, 0.3), (CENTRE_M - half_m, 1.0))
+        )
+        stops = [
+            (20.0 * k + later_s, pose, pulses)
+            for k, pair in enumerate(zip(weak, strong, strict=True))
+            for later_s, (_, pose, pulses) in enumerate(pair)
+        ]
+        findings = confirmed(listen(stops)[0])
+        n_right += len(findings) == 2 or any(finding.possibly_two for finding in findings)
+    assert n_right >= 4
