@@ -106,9 +106,10 @@ class Association(NamedTuple):
     share: FloatArray
 
 
-def pooled(groups: Groups) -> PooledPulses:
-    """Return the columns of groups that compiled functions use."""
-    return PooledPulses(groups.pose, groups.strengths, groups.variance, groups.is_usable)
+def pooled(groups: Groups, weakening: FloatArray | None = None) -> PooledPulses:
+    """Return the columns of groups that compiled functions use; see `PooledPulses`, without weakening by default."""
+    weakening = np.ones(groups.time_s.size) if weakening is None else weakening
+    return PooledPulses(groups.pose, groups.strengths, groups.variance, groups.is_usable, weakening)
 
 
 def direct_probability(transmission: FloatArray) -> FloatArray:

@@ -107,6 +107,11 @@ THRESHOLD_QUANTILE, THRESHOLD_MARGIN_DB = 0.05, 6.0
 """Quantile of the levels of all pulses that is taken as the threshold of detection, and margin above it from which on a
 source is expected to be detected (assumed)."""
 
+FREE_QUANTILE, MOST_WEAKENED_DB, LEAST_RANGE_M = 0.75, 20.0, 0.5
+"""Quantile of the levels at 1 m of a track that is taken as that in free sight, largest weakening of its direct wave,
+and least range for these levels (assumed). With a quantile of 0.6 or 0.9, ellipses of surveys among equipment without a
+map are hardly worse."""
+
 SPREAD_DB = (1.5, 8.0)
 """Limits of the estimated spread of levels (assumed)."""
 
@@ -406,7 +411,10 @@ class Locator:
         groups = self._pool.groups.take(np.concatenate(rows))
         probability = np.concatenate([track.direct[own] for track, own in zip(tracks, rows, strict=True)])
         number = np.repeat(np.arange(len(tracks)), [own.size for own in rows])
-        fit = JointFit(pooled(groups), groups.level_db, groups.time_s, number, probability, self.array, self.pose_error)
+        weakening = np.concatenate([self._weakening(track, own) for track, own in zip(tracks, rows, strict=True)])
+        fit = JointFit(
+            pooled(groups, weakening), groups.level_db, groups.time_s, number, probability, self.array, self.pose_error
+        )
         estimate = fit.solve(
             np.array([track.position_m for track in tracks]),
             None if is_new else self._array_state,
@@ -419,6 +427,22 @@ class Locator:
             uncertainty = estimate.cautious_covariance[np.ix_(states, states)]
             track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty)
         return estimate
+
+    def _weakening(self, track: Track, rows: IntArray) -> FloatArray:
+        """Return the factor by which the direct wave of a track is weaker than in free sight, by the level of groups.
+
+        Args:
+            track: The track.
+            rows: Rows of its groups, shape (n,).
+
+        Returns:
+            Factor of 1 or more, shape (n,).
+        """
+        groups, height_m = self._pool.groups, track.position_m[2] - self._nominal.positions_m[:, 2].mean()
+        plan_m = np.linalg.norm(groups.pose[rows, :2] - track.position_m[:2], axis=-1)
+        level_db = groups.level_db[rows] + 20.0 * np.log10(np.maximum(np.hypot(plan_m, height_m), LEAST_RANGE_M))
+        weaker_db = np.quantile(level_db, FREE_QUANTILE) - level_db
+        return 10.0 ** (np.clip(weaker_db, 0.0, MOST_WEAKENED_DB) / 20.0)
 
     def _check_known_errors(self, tracks: list[Track], estimate: JointEstimate) -> JointEstimate:
         """Stop using known errors of the array if confirmed tracks contradict them; return the estimate to use.

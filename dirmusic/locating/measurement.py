@@ -79,12 +79,14 @@ class PooledPulses(NamedTuple):
         strengths: Strengths scaled to unit norm, 0 for channels that are not usable, shape (n, n_elements).
         variance: Noise variance of these strengths, shape (n, n_elements).
         is_usable: True for channels that are used, shape (n, n_elements).
+        weakening: Factor by which the direct wave is weaker than in free sight, 1 or more, shape (n,).
     """
 
     pose: FloatArray
     strengths: FloatArray
     variance: FloatArray
     is_usable: BoolArray
+    weakening: FloatArray
 
 
 class NominalArray(NamedTuple):
@@ -385,7 +387,8 @@ def predict(
     remove_amplitude(model, shared[:, :N_SHARED])
     amplitude = dot(pulses.strengths[k], model) / dot(model, model)
     by_shared, by_noise, range_m = 0.0, 0.0, math.hypot(x, y)
-    multipath = math.hypot(LEAST_UNEXPLAINED, noise.unexplained * range_m / (range_m + MULTIPATH_M))
+    unexplained = noise.unexplained * pulses.weakening[k] * range_m / (range_m + MULTIPATH_M)
+    multipath = math.hypot(LEAST_UNEXPLAINED, unexplained)
     for e in range(n):
         residual[e] = pulses.strengths[k, e] - amplitude * model[e]
         for i in range(slope.shape[1]):

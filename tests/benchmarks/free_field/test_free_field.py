@@ -91,7 +91,7 @@ def test_bound_is_that_of_the_derivatives_of_the_fit() -> None:
     n, pulses = drawn.group.size, drawn.case.pulses._replace(variance_v2=NOISE**2 * drawn.case.pulses.variance_v2)
     noisy = drawn._replace(case=drawn.case._replace(pulses=pulses), group=np.arange(n))
     case, usable = noisy.case, np.ones(pulses.strengths_v.shape, dtype=np.bool_)
-    pooled = PooledPulses(case.pose[case.step], expected_v(noisy), pulses.variance_v2, usable)
+    pooled = PooledPulses(case.pose[case.step], expected_v(noisy), pulses.variance_v2, usable, np.ones(n))
     data = pooled, nominal_array(case.array), Noise(0.0, 0.0, 0.0)
     source, once = np.zeros(n, dtype=np.intp), np.ones(n)
     state = np.concatenate([case.sources_m[0], noisy.array_state])

@@ -227,7 +227,8 @@ def survey(
     own = unexplained_error(true_pose, place_m, unexplained) * (np.linalg.cholesky(near) @ rng.normal(size=(n, 6)))
     strengths = strengths * (1.0 + own) + noise * rng.normal(size=(n, 6))
     norm = np.linalg.norm(strengths, axis=-1, keepdims=True)
-    pulses = PooledPulses(pose, strengths / norm, noise**2 / norm**2 * np.ones((n, 6)), np.ones((n, 6), dtype=np.bool_))
+    usable = np.ones((n, 6), dtype=np.bool_)
+    pulses = PooledPulses(pose, strengths / norm, noise**2 / norm**2 * np.ones((n, 6)), usable, np.ones(n))
     level_db = rng.normal(*LEVEL_PRIOR_DB) - 20.0 * np.log10(np.linalg.norm(places_m - true_pose * [1, 1, 0], axis=-1))
     return Survey(
         place_m=place_m,

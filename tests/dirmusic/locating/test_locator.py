@@ -302,3 +302,18 @@ def test_known_errors_are_dropped_if_pulses_contradict_them(change: float) -> No
     locator, _ = listen(detections(path, SOURCE_M[np.newaxis], 9, nature=after), array)
     assert locator.contradicts_errors == (change > 0.0) == (locator.array.errors is None)
     assert np.linalg.norm(confirmed(locator)[0].position_m[:2] - SOURCE_M[:2]) < 0.1
+
+
+def test_weakened_pulses_from_beside_the_source_pull_less() -> None:
+    """A third of the pulses comes 10 dB weaker from 0.8 m beside the source, as past the edge of unknown equipment."""
+    n, place_m, off2_m2 = 60, np.array([20.0, 15.0, 1.8]), list[float]()
+    path = path_round(place_m[:2], 4.0, 0.0, 354.0, n)
+    middle = np.radians(60.0)
+    edge_m = place_m + 0.8 * np.array([-np.sin(middle), np.cos(middle), 0.0])
+    for seed in range(8):
+        hidden = detections(path[: n // 3], edge_m[np.newaxis], seed, rate=1.0, volts=0.8 * 10 ** (-10 / 20))
+        visible = detections(path[n // 3 :], place_m[np.newaxis], seed, rate=1.0)
+        locator, _ = listen([(5.0 * k, pose, pulses) for k, (_, pose, pulses) in enumerate(hidden + visible)])
+        (finding,) = confirmed(locator)
+        off2_m2.append(float(np.square(finding.position_m - place_m)[:2].sum()))
+    assert np.sqrt(np.mean(off2_m2)) < 0.22

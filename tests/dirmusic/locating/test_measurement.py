@@ -68,14 +68,17 @@ def state_of(nature: Nature) -> FloatArray:
 
 
 def pulses_at(pose: FloatArray, strengths: FloatArray, noise: float = 0.01) -> PooledPulses:
-    return PooledPulses(pose, strengths, np.full(strengths.shape, noise**2), np.ones(strengths.shape, dtype=np.bool_))
+    usable = np.ones(strengths.shape, dtype=np.bool_)
+    return PooledPulses(pose, strengths, np.full(strengths.shape, noise**2), usable, np.ones(len(pose)))
 
 
 def of_channels(pulses: PooledPulses, rows: IntArray) -> PooledPulses:
     """Select channels, in contiguous arrays as compiled functions know them."""
-    pose, *columns = pulses
-    strengths, variance, is_usable = (np.ascontiguousarray(column[:, rows]) for column in columns)
-    return PooledPulses(pose, strengths.astype(np.float64), variance.astype(np.float64), is_usable.astype(np.bool_))
+    return pulses._replace(
+        strengths=np.ascontiguousarray(pulses.strengths[:, rows]),
+        variance=np.ascontiguousarray(pulses.variance[:, rows]),
+        is_usable=np.ascontiguousarray(pulses.is_usable[:, rows]),
+    )
 
 
 def drawn_pulses(pose: FloatArray = POSE, place_m: FloatArray = PLACE_M) -> PooledPulses:
@@ -179,8 +182,8 @@ def test_shared_errors_change_the_gradient_as_stated() -> None:
 
 
 def test_covariance_is_that_of_pose_noise_and_ground() -> None:
-    """The covariance adds errors of pose, interference, unexplained errors and noise."""
-    pulses = drawn_pulses()
+    """The covariance adds errors of pose, interference, noise, and multipath, which counts more if the wave is weak."""
+    pulses = drawn_pulses()._replace(weakening=np.linspace(1.0, 4.0, N))
     for k in range(N):
         result, (amplitude, shared, _) = prediction(pulses, k)
         one, place_m, change = POSE[k : k + 1], PLACE_M[np.newaxis], differences(k, POSE)
@@ -191,7 +194,8 @@ def test_covariance_is_that_of_pose_noise_and_ground() -> None:
         turn = change[:, 13:19].sum(axis=1)  # of all boresights
         pose = [NOISE.position_m * change[:, 0], NOISE.position_m * change[:, 1], NOISE.heading_rad * turn]
         nuisance = amplitude * across(result.model, np.column_stack([*pose, ground]))
-        own = np.square(unexplained_error(one, PLACE_M, NOISE.unexplained)[0] * amplitude * result.model)
+        unexplained = unexplained_error(one, PLACE_M, NOISE.unexplained * pulses.weakening[k])[0]
+        own = np.square(unexplained * amplitude * result.model)
         expected = nuisance @ nuisance.T + np.diag(own + 0.01**2 + TINY_VARIANCE)
         np.testing.assert_allclose(result.covariance, expected, atol=2e-5 * expected.max())
         assert shared == pytest.approx(np.square(nuisance[:, :3]).sum() + own.sum(), rel=1e-4)
@@ -224,7 +228,8 @@ def test_unusable_channel_has_no_influence() -> None:
     expected = compared(without, ARRAY.take(kept), state[of_kept], uncertainty[np.ix_(own, own)])
     strengths, usable, variance = pulses.strengths.copy(), pulses.is_usable.copy(), pulses.variance.copy()
     strengths[:, 2], usable[:, 2], variance[:, 2] = 0.0, False, 0.0
-    found = compared(PooledPulses(pulses.pose, strengths, variance, usable), ARRAY, state, uncertainty)
+    pulses = pulses._replace(strengths=strengths, variance=variance, is_usable=usable)
+    found = compared(pulses, ARRAY, state, uncertainty)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
