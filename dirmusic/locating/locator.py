@@ -50,7 +50,7 @@ from dirmusic.locating.pulse_pairs import compare_pairs
 from dirmusic.locating.pulse_pool import ROUNDING, PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
-from dirmusic.locating.two_sources import ONE_SOURCE, compare_with_two
+from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
 INITIAL_LEVELS = ErrorLevels(0.04, 0.05)
@@ -488,19 +488,31 @@ class Locator:
                 continue
             near = self._near(track)
             n = float(near.sum())
-            if n < TESTED_GROWTH * track.n_tested or n < LEAST_TESTED:
+            if n < max(TESTED_GROWTH * track.n_tested, LEAST_TESTED):
                 continue
-            rows = choose_evenly(np.flatnonzero(near > FITTED_PROBABILITY), MOST_TESTED)
             track.n_tested = n
             place = track.position_m, self._array_state, self._nominal
-            by_residuals = compare_with_two(
-                self._pool.groups.take(rows), near[rows], self._window[rows], *place, self.pose_error
-            )
+            by_residuals = self._compare_with_two(track, track.direct)
             track.two = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place, by_residuals)
+            if not track.two.is_possible:
+                track.two = self._compare_with_two(track, near)._replace(may_be_reflection=True)
             is_confirmed = track.state == "confirmed" and track.two.is_certain
             is_candidate = track.state == "candidate" and track.two.is_certain_of_candidate
             if (is_confirmed or is_candidate) and not track.twin:
                 self._split_in_two(track)
+
+    def _compare_with_two(self, track: Track, probability: FloatArray) -> TwoSources:
+        """Compare groups near a track with two sources, if they are enough.
+
+        Args:
+            track: The track.
+            probability: Probability that each group belongs to it, or to a source near it, shape (n,).
+        """
+        if probability.sum() < LEAST_TESTED:
+            return ONE_SOURCE
+        rows = choose_evenly(np.flatnonzero(probability > FITTED_PROBABILITY), MOST_TESTED)
+        groups, place = self._pool.groups.take(rows), (track.position_m, self._array_state, self._nominal)
+        return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error)
 
     def _near(self, track: Track) -> FloatArray:
         """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,)."""

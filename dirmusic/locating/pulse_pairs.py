@@ -27,7 +27,7 @@ from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import pooled
 from dirmusic.locating.measurement import N_PLACE, NominalArray, position_slopes
 from dirmusic.locating.pulse_pool import PAIR_RAD, Groups, PulsePairs, choose_evenly
-from dirmusic.locating.two_sources import APART_PRIOR_M, CERTAIN, START_AXES, START_M, TwoSources
+from dirmusic.locating.two_sources import APART_PRIOR_M, START_AXES, START_M, TwoSources
 
 LEAST_PAIRS, MOST_PAIRS = 20, 1000
 """Least and largest number of pairs that are compared (assumed)."""
@@ -134,7 +134,7 @@ def compare_pairs(
     range_m = np.linalg.norm(groups.pose[pairs.group[rows, 0], :2] - place_m[:2], axis=-1)
     n_joint = np.count_nonzero(by_residuals.apart_m < 0.5 * PAIR_RAD * range_m)
     is_contradicted = n_joint >= LEAST_CONTRADICTING and not found.is_possible
-    return by_residuals._replace(evidence=min(by_residuals.evidence, CERTAIN)) if is_contradicted else by_residuals
+    return by_residuals._replace(may_be_reflection=True) if is_contradicted else by_residuals
 
 
 def whiten_pairs(

@@ -87,6 +87,7 @@ class TwoSources(NamedTuple):
         near_m: Distance of the nearest groups from the track; infinite if it does not matter.
         least_apart_m: Distance below which they look like one.
         n_independent: Number of independent groups; infinite if it does not matter.
+        may_be_reflection: True if one of both may be a reflection: then they are possible, but never certain.
     """
 
     evidence: float
@@ -96,6 +97,7 @@ class TwoSources(NamedTuple):
     near_m: float = np.inf
     least_apart_m: float = LEAST_APART_M
     n_independent: float = np.inf
+    may_be_reflection: bool = False
 
     @property
     def apart_m(self) -> float:
@@ -120,7 +122,7 @@ class TwoSources(NamedTuple):
 
     @property
     def _is_seen(self) -> bool:
-        return self.apart_m > LEAST_APART_RAD * self.near_m
+        return self.apart_m > LEAST_APART_RAD * self.near_m and not self.may_be_reflection
 
     def _exceeds(self, least: float) -> bool:
         few = min(self.n_independent / USUAL_GROUPS, 1.0)
@@ -147,8 +149,8 @@ def compare_with_two(
     """Test whether the groups of a track come from two sources.
 
     Args:
-        groups: Groups of the track, and of directions near it that no other track explains.
-        probability: Probability that each belongs to the track or a source near it, shape (n,).
+        groups: Groups of the track, or of sources near it too.
+        probability: Probability that each belongs to these, shape (n,).
         window: Number of the window of each group, shape (n,).
         place_m: Estimated position of the track, shape (3,).
         array_state: States of the array.

@@ -57,8 +57,8 @@ def test_one_source_is_not_possibly_two() -> None:
         assert not findings[0].possibly_two
 
 
-def test_weaker_source_near_another_is_found_from_few_places() -> None:
-    """Its pulses initiate no track within 2 m of the other source; before, they were left aside."""
+def test_weaker_source_near_another_is_noticed_from_few_places() -> None:
+    """Its pulses initiate no track within 2 m of the other source; still, they are not left aside."""
     n_right = 0
     for seed in range(6):
         angle = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi)
