@@ -147,8 +147,9 @@ class DriveFit:
         Across these, they are the simulated ratios; along them, one plus the logarithm of the ratio of the levels.
         """
         level_v = np.linalg.norm(simulated, axis=1)
-        off = np.log(level_v) - self._groups.log_level
-        return simulated / level_v[:, np.newaxis] + off[:, np.newaxis] * self._groups.unit
+        with np.errstate(divide="ignore", invalid="ignore"):  # groups that are not received are not finite
+            off = np.log(level_v) - self._groups.log_level
+            return simulated / level_v[:, np.newaxis] + off[:, np.newaxis] * self._groups.unit
 
     def _linearise(self, state: FloatArray, ground: GroundName) -> _Linear:
         groups, places, axes, level, gain, pointing, width = (
@@ -161,11 +162,14 @@ class DriveFit:
         unit = simulated / np.linalg.norm(simulated, axis=1, keepdims=True)
 
         def both(states: IntArray, step: float) -> tuple[FloatArray, FloatArray]:
-            """Return simulations with these states increased and decreased, as compared."""
+            """Return simulations with these states increased and decreased, as compared.
+
+            Groups that are not received then, because the step moves their source into equipment, do not change.
+            """
             change = np.zeros(state.size)
             change[states] = step
-            more, less = self._simulate(state + change, ground), self._simulate(state - change, ground)
-            return self._compared(more), self._compared(less)
+            more, less = (self._compared(self._simulate(state + sign * change, ground)) for sign in (1.0, -1.0))
+            return np.where(np.isfinite(more), more, here), np.where(np.isfinite(less), less, here)
 
         for k in range(3):
             for states, name in ((places, "place"), (axes, "axis")):
