@@ -197,7 +197,7 @@ class Scatter(NamedTuple):
         square: Squares of the residuals, shape (n,).
         along: Residuals times their derivatives by the position, shape (n, 3).
         information: Products of the derivatives, shape (n, 3, 3).
-        log_peak: Log density of a residual of zero, relative to that of groups of neither source, shape (n,).
+        log_det: Logarithm of the determinant of the covariance, shape (n,).
         n_dimensions: Number of dimensions of the residual, shape (n,).
     """
 
@@ -205,7 +205,7 @@ class Scatter(NamedTuple):
     square: FloatArray
     along: FloatArray
     information: FloatArray
-    log_peak: FloatArray
+    log_det: FloatArray
     n_dimensions: FloatArray
 
     @classmethod
@@ -222,17 +222,13 @@ class Scatter(NamedTuple):
         n, n_elements = pulses.strengths.shape
         residual, slope, log_det = np.empty((n, n_elements)), np.empty((n, n_elements, N_PLACE)), np.empty(n)
         whiten_residuals(place_m + off_m, array_state, pulses, array, noise, residual, slope, log_det)
-        d = pulses.is_usable.sum(axis=-1) - 1.0
-        log_norm: FloatArray = (
-            gammaln(0.5 * (T_FREEDOM + d)) - gammaln(0.5 * T_FREEDOM) - 0.5 * d * np.log(T_FREEDOM * np.pi)
-        )
         return cls(
             off_m,
             np.square(residual).sum(axis=-1),
             np.einsum("nei,ne->ni", slope, residual),
             np.einsum("nei,nej->nij", slope, slope),
-            log_norm - 0.5 * log_det - log_flat_density(d + 1.0),
-            d,
+            log_det,
+            pulses.is_usable.sum(axis=-1) - 1.0,
         )
 
 
@@ -268,15 +264,16 @@ def fit(
 def log_likelihoods(
     scatters: Sequence[Scatter], offsets_m: FloatArray, shares: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return log likelihoods of each group under k sources and none of them, up to the same term, and weights.
+    """Return log likelihoods of each group under k sources and none of them, and the weights of its residuals.
 
     Returns:
-        Log likelihoods, shape (k + 1, n), and weights of the residuals, shape (k, n).
+        Log likelihoods, shape (k + 1, n), and weights, shape (k, n).
     """
-    each, weights = list[FloatArray](), list[FloatArray]()
+    each, weights, d = list[FloatArray](), list[FloatArray](), scatters[0].n_dimensions
+    normed = gammaln(0.5 * (T_FREEDOM + d)) - gammaln(0.5 * T_FREEDOM) - 0.5 * d * np.log(T_FREEDOM * np.pi)
     for scatter, offset_m in zip(scatters, offsets_m, strict=True):
         off_m = offset_m - scatter.off_m
         chi2 = np.maximum(scatter.square - 2.0 * scatter.along @ off_m + scatter.information @ off_m @ off_m, 0.0)
-        each.append(scatter.log_peak - t_cost(chi2, scatter.n_dimensions, T_FREEDOM))
-        weights.append(t_weight(chi2, scatter.n_dimensions, T_FREEDOM))
-    return np.log(shares)[:, np.newaxis] + np.array([*each, np.zeros(each[0].size)]), np.array(weights)
+        each.append(normed - t_cost(chi2, d, T_FREEDOM) - 0.5 * scatter.log_det)
+        weights.append(t_weight(chi2, d, T_FREEDOM))
+    return np.log(shares)[:, np.newaxis] + np.array([*each, log_flat_density(d + 1.0)]), np.array(weights)
