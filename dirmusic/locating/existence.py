@@ -4,11 +4,11 @@ Pulses that seem to come from one point may be multipath, or come from interfere
 levels then change in any way, and so does their number. A group of pulses contributes the log ratio
 
 .. math:: a = \ln\frac{N(\Delta\beta; \sigma_\beta)}{N(\Delta\beta; \sqrt{\sigma_\beta^2 + \Delta^2})}
-            + \ln\frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
+            + \ln\frac{l(\Delta L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
 
 where a wandering wave changes its bearing by :math:`\Delta` and its level by :math:`\Lambda` from one window to the
-next, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once, because its errors are
-shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
+next, l is `level_density`, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once,
+because its errors are shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
 """
 
 from __future__ import annotations
@@ -17,13 +17,17 @@ import math
 
 import numpy as np
 from scipy.special import log_ndtr
+from scipy.stats import norm
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.association import Association, Comparison, Level, level_std
+from dirmusic.locating.association import Association, Comparison, Level, level_density, level_std
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 
 WANDER_RAD, WANDER_DB = np.radians(40.0), 12.0
 """Change of bearing and level of a wandering wave between independent observations (assumed)."""
+
+LEAST_DENSITY = 1e-100
+"""Least density of a level, per decibel, so that its logarithm is finite."""
 
 WRONG_MAP = 0.1
 """Probability that the map hides a source from a place that sees it (assumed)."""
@@ -53,18 +57,12 @@ contribution of one second to the log odds (assumed)."""
 
 def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
     """Return the log ratio of the densities of each group under a source and under a wandering wave, shape (n,)."""
-    std_db = level_std(compared, level, n_pulses)
-    return (
-        _log_ratio(compared.bearing_offset, compared.bearing_std_rad, WANDER_RAD)
-        + _log_ratio((compared.level_db - level.mean_db) / std_db, std_db, WANDER_DB)
-        + np.log(np.maximum(compared.direct, WRONG_MAP))
-    )
-
-
-def _log_ratio(offset: FloatArray, std: FloatArray, wander: float) -> FloatArray:
-    """Return the log ratio of two normal densities of an offset: with its deviation, and with a wander more."""
-    share = 1.0 / (1.0 + np.square(wander / std))
-    return -0.5 * np.square(offset) * (1.0 - share) - 0.5 * np.log(share)
+    wander_db = np.hypot(level_std(compared, level, n_pulses), WANDER_DB)
+    share = 1.0 / (1.0 + np.square(WANDER_RAD / compared.bearing_std_rad))
+    of_bearing = -0.5 * np.square(compared.bearing_offset) * (1.0 - share) - 0.5 * np.log(share)
+    of_level = np.log(np.maximum(level_density(compared, level, n_pulses), LEAST_DENSITY))
+    of_level -= norm.logpdf(compared.level_db, level.mean_db, wander_db)
+    return of_bearing + of_level + np.log(np.maximum(compared.direct, WRONG_MAP))
 
 
 def pulse_evidence(ratios: FloatArray, association: Association, window: IntArray) -> FloatArray:

@@ -516,15 +516,12 @@ class Locator:
 
     def _near(self, track: Track) -> FloatArray:
         """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,)."""
-        groups, others = self._pool.groups, np.zeros(track.direct.size)
-        for other in self._tracks:
-            if other is not track:
-                others += other.direct
+        groups, others = self._pool.groups, self._association.direct.sum(axis=0) - track.direct
         sight = unit_vector(groups.azimuth_rad + groups.pose[:, 2])
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
         is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
-        return np.where(is_near, np.maximum(1.0 - others, track.direct), track.direct)
+        return np.where(is_near, 1.0 - others, track.direct)
 
     def _split_in_two(self, track: Track) -> None:
         """Replace a track by two at its both likely positions."""

@@ -197,7 +197,7 @@ class Scatter(NamedTuple):
         square: Squares of the residuals, shape (n,).
         along: Residuals times their derivatives by the position, shape (n, 3).
         information: Products of the derivatives, shape (n, 3, 3).
-        log_det: Logarithm of the determinant of the covariance, shape (n,).
+        log_peak: Log density of a residual of zero, relative to the flat density of any strengths, shape (n,).
         n_dimensions: Number of dimensions of the residual, shape (n,).
     """
 
@@ -205,7 +205,7 @@ class Scatter(NamedTuple):
     square: FloatArray
     along: FloatArray
     information: FloatArray
-    log_det: FloatArray
+    log_peak: FloatArray
     n_dimensions: FloatArray
 
     @classmethod
@@ -222,13 +222,15 @@ class Scatter(NamedTuple):
         n, n_elements = pulses.strengths.shape
         residual, slope, log_det = np.empty((n, n_elements)), np.empty((n, n_elements, N_PLACE)), np.empty(n)
         whiten_residuals(place_m + off_m, array_state, pulses, array, noise, residual, slope, log_det)
+        d: FloatArray = pulses.is_usable.sum(axis=-1) - 1.0
+        log_peak = gammaln(0.5 * (T_FREEDOM + d)) - gammaln(0.5 * T_FREEDOM) - 0.5 * d * np.log(T_FREEDOM * np.pi)
         return cls(
             off_m,
             np.square(residual).sum(axis=-1),
             np.einsum("nei,ne->ni", slope, residual),
             np.einsum("nei,nej->nij", slope, slope),
-            log_det,
-            pulses.is_usable.sum(axis=-1) - 1.0,
+            log_peak - 0.5 * log_det - log_flat_density(d + 1.0),
+            d,
         )
 
 
@@ -267,13 +269,12 @@ def log_likelihoods(
     """Return log likelihoods of each group under k sources and none of them, and the weights of its residuals.
 
     Returns:
-        Log likelihoods, shape (k + 1, n), and weights, shape (k, n).
+        Log likelihoods relative to that of none, shape (k + 1, n), and weights, shape (k, n).
     """
-    each, weights, d = list[FloatArray](), list[FloatArray](), scatters[0].n_dimensions
-    normed = gammaln(0.5 * (T_FREEDOM + d)) - gammaln(0.5 * T_FREEDOM) - 0.5 * d * np.log(T_FREEDOM * np.pi)
+    each, weights = list[FloatArray](), list[FloatArray]()
     for scatter, offset_m in zip(scatters, offsets_m, strict=True):
-        off_m = offset_m - scatter.off_m
+        off_m, d = offset_m - scatter.off_m, scatter.n_dimensions
         chi2 = np.maximum(scatter.square - 2.0 * scatter.along @ off_m + scatter.information @ off_m @ off_m, 0.0)
-        each.append(normed - t_cost(chi2, d, T_FREEDOM) - 0.5 * scatter.log_det)
+        each.append(scatter.log_peak - t_cost(chi2, d, T_FREEDOM))
         weights.append(t_weight(chi2, d, T_FREEDOM))
-    return np.log(shares)[:, np.newaxis] + np.array([*each, log_flat_density(d + 1.0)]), np.array(weights)
+    return np.log(shares)[:, np.newaxis] + np.array([*each, np.zeros(weights[0].size)]), np.array(weights)

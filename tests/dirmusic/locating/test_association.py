@@ -24,15 +24,20 @@ FREE, METAL = 1.0, 1e-3
 
 
 def associated(
-    groups: Groups, places_m: list[FloatArray], transmission: float, *, is_located: bool = True
+    groups: Groups,
+    places_m: list[FloatArray],
+    transmission: float,
+    *,
+    is_located: bool = True,
+    levels: list[Level] | None = None,
 ) -> Association:
-    """Associate groups with sources of `LEVEL` that are known within 0.1 m, with equal shares."""
+    """Associate groups with sources that are known within 0.1 m, of `LEVEL` by default, with equal shares."""
     prior, n = array_prior(ARRAY, START), groups.time_s.size
     uncertainty = np.zeros((3 + prior.mean.size,) * 2)
     uncertainty[:3, :3], uncertainty[3:, 3:] = 0.01 * np.eye(3), np.linalg.inv(prior.information)
     known = prior.mean, uncertainty, nominal_array(ARRAY), Noise(0.05, 0.01, 0.1), np.full((4, n), transmission)
     compared, k = [compare_groups(groups, place_m, *known) for place_m in places_m], len(places_m)
-    likelihood = likelihoods(groups, compared, [LEVEL] * k, np.full(k, is_located))
+    likelihood = likelihoods(groups, compared, levels or [LEVEL] * k, np.full(k, is_located))
     return associate(likelihood, np.full((k + 1, n), 1.0 / (k + 1)))
 
 
@@ -60,10 +65,12 @@ def test_probabilities_of_sources_sum_to_one_at_most() -> None:
     [
         (0.0, 0.0, True),
         (0.0, 4.0, True),
+        (0.0, -18.0, True),  # behind equipment that the map does not show
         (0.0, 25.0, False),
-        (0.0, -25.0, False),
+        (0.0, -45.0, False),
         (25.0, 0.0, False),
         (180.0, 0.0, False),
+        (25.0, -18.0, False),
     ],
 )
 def test_pulse_belongs_to_a_source_by_direction_and_level(azimuth_deg: float, excess_db: float, is_own: bool) -> None:
@@ -79,6 +86,14 @@ def test_pulse_belongs_to_the_nearer_in_direction() -> None:
     direct = associated(groups, [AHEAD_M, LEFT_M], FREE).direct
     assert (np.diag(direct) > 0.9).all()
     assert direct[0, 1] + direct[1, 0] < 0.01
+
+
+def test_pulse_belongs_to_the_source_of_its_level() -> None:
+    """Of two sources in one direction, the weaker has pulses of its level, although the other may be hidden."""
+    groups = groups_from(np.zeros((1, 3)), np.zeros(1), 6.0, LEVEL.mean_db - 12.0)
+    weaker = LEVEL._replace(mean_db=LEVEL.mean_db - 12.0)
+    direct = associated(groups, [AHEAD_M, AHEAD_M], FREE, levels=[LEVEL, weaker]).direct
+    assert direct[1, 0] > 0.9
 
 
 @pytest.mark.parametrize("azimuth_deg", [60.0, -120.0])

@@ -37,7 +37,7 @@ def _strict() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def log() -> MissionLog:
-    return short_mission(43.0, seed=1)
+    return short_mission(43.0, seed=1, scenario="two_sources")
 
 
 @pytest.fixture(scope="module")
