@@ -11,7 +11,7 @@ class ClosingRow(NamedTuple):
 
     Attributes:
         what: Number and probability that a source exists.
-        where: Most probable sites, and the size of the 95 % ellipse.
+        where: Most probable sites, or the position if these are not known, and the size of the 95 % ellipse.
         kind: Kind of discharge.
         when: Class of severity, and the date or time by which to act.
         action: Recommended action.
@@ -54,10 +54,12 @@ def closing_card(report: Report) -> ClosingCard:
 def _row(finding: FindingRecord) -> ClosingRow:
     advice = finding.assessment
     assert advice is not None  # of a confirmed finding
+    x_m, y_m, _ = finding.position_m
+    where = site_text(finding) if finding.sites else f"at ({x_m:.2f}, {y_m:.2f}) m"
     due = f"by {advice.due}" if advice.due else f"within {advice.within_days} days"
     return ClosingRow(
         what=f"Finding {finding.id}, probability {existence_text(finding)}",
-        where=f"{site_text(finding)}, 95 % within {finding.ellipse95.semi_major_m:.2f} m",
+        where=f"{where}, 95 % within {finding.ellipse95.semi_major_m:.2f} m",
         kind=f"kind {kind_text(finding)}",
         when=f"Severity {advice.severity}, act {due}",
         action=advice.action,

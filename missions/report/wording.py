@@ -28,7 +28,7 @@ PHASES = {
     "back off": "backs off from an obstacle",
     "give way": "gives way to what moves",
     "random": "drives at random",
-    "field": "field data",
+    "field": "records field data",
 }
 """Descriptions of the phases of built-in policies."""
 

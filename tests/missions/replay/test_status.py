@@ -7,6 +7,7 @@ import numpy as np
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.closing_card import closing_card
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.wording import kind_text
 from pdpatrol.missions.runner import Mission
@@ -59,3 +60,12 @@ def test_closing_card_states_what_where_which_kind_and_by_when(tmp_path: Path) -
         assert words in text
     assert "The mission ended after 1 s: docked." in text
     assert drawn["world/findings/3/label"]["labels"][9] == [f"3 {site.partition('/')[2]}"]
+
+
+def test_closing_card_gives_the_position_where_no_sites_are_known() -> None:
+    log = log_of(Phase("field"))
+    add_finding(log, 8, 1, "confirmed", (14.0, 9.01, 1.7), covariance_m2=1e-4 * np.eye(3), confirmed_s=0.5)
+    report = make_report(log, 0.0)
+    findings = tuple(finding.model_copy(update={"sites": ()}) for finding in report.findings)
+    (row,) = closing_card(report.model_copy(update={"findings": findings})).rows
+    assert row.where.startswith("at (14.00, 9.01) m, 95 % within 0.0")
