@@ -3,12 +3,12 @@ r"""Test of a track for two sources by pairs of pulses that were detected at one
 Errors of pose, array, multipath and ground are the same for all pulses of one source at one pose, so the difference of
 two pulses contains noise only. If the track is two sources, some differences contain also the change of the strengths
 from one source to the other, :math:`S_g \delta` with the distance :math:`\delta` of the sources and the derivative
-:math:`S_g` of the strengths by the position. With whitened differences d, the evidence for two is the gain of log
-likelihood
+:math:`S_g` of the strengths by the position. With whitened differences :math:`\Delta_i`, the evidence for two is the
+gain of log likelihood
 
-.. math:: \max_{\delta, \pi, v} \sum_i \ln \bigl(\pi_0 N(d_i; 0, v) + \pi_1 N(d_i; S_g \delta, v)
-          + \pi_1 N(d_i; -S_g \delta, v) + \pi_2 N(d_i; 0, 100 v)\bigr)
-          - \max_{\pi, v} \sum_i \ln \bigl(\pi_0 N(d_i; 0, v) + \pi_2 N(d_i; 0, 100 v)\bigr),
+.. math:: \max_{\delta, \pi, s} \sum_i \ln \bigl(\pi_0 N(\Delta_i; 0, s) + \pi_1 N(\Delta_i; S_g \delta, s)
+          + \pi_1 N(\Delta_i; -S_g \delta, s) + \pi_2 N(\Delta_i; 0, 100 s)\bigr)
+          - \max_{\pi, s} \sum_i \ln \bigl(\pi_0 N(\Delta_i; 0, s) + \pi_2 N(\Delta_i; 0, 100 s)\bigr),
 
 fitted by expectation maximisation. The last component holds pulses that overlap with others.
 

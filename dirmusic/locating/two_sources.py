@@ -5,11 +5,13 @@ position scatter about :math:`S_g \delta_1` and :math:`S_g \delta_2`, with the d
 strengths by the position. Both hypotheses are fitted to the groups g of the track by expectation maximisation, each
 with the level of unexplained errors that suits it best. The evidence for two is the gain of log likelihood
 
-.. math:: \max_{\delta, \pi, u} \sum_g w_g \ln \sum_j \pi_j e^{-\rho(|r_g - S_g \delta_j|^2) - \frac12 \ln |C_g|}
-          - \max_{\delta, u} \sum_g w_g \left(-\rho(|r_g - S_g \delta|^2) - \tfrac12 \ln |C_g|\right)
+.. math:: \max_{\delta, \pi, u} \sum_g w_g \ln \Bigl(\pi_0 d_0 + \sum_j \pi_j t(z_g - S_g \delta_j)\Bigr)
+          - \max_{\delta, \pi, u} \sum_g w_g \ln \bigl(\pi_0 d_0 + \pi_1 t(z_g - S_g \delta)\bigr)
 
-where C depends on the unexplained errors u. Groups of a window share errors: the weight of a group is the probability
-that it belongs to the track over the root of their number. Errors of the pose turn both sources alike.
+with the residuals z, the t distribution of the fit, which depends on the unexplained errors u, the density :math:`d_0`
+of groups of neither source, and a normal prior of each offset. Groups of a window share errors: the weight of a group
+is the probability that it belongs to the track over the root of their number. Errors of the pose turn both sources
+alike.
 """
 
 from __future__ import annotations
