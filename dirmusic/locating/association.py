@@ -35,7 +35,7 @@ LEVEL_ERROR_DB = 2.0
 
 HIDDEN_SHARE, HIDDEN_LOSS_DB = 0.1, 20.0
 """Probability that equipment that is not on the map weakens the direct wave, and range of that loss, in which it is
-uniformly distributed (assumed). Without it, a ghost takes the pulses of a source behind such equipment."""
+uniformly distributed (assumed). Without it, false candidates gather the pulses of a source behind such equipment."""
 
 MAP_ERROR_SHARE = 0.5
 """Standard deviation of the attenuation by equipment on the map, as a share of its decibels (assumed)."""

@@ -89,7 +89,7 @@ def test_pulse_belongs_to_the_nearer_in_direction() -> None:
 
 
 def test_pulse_belongs_to_the_source_of_its_level() -> None:
-    """Of two sources in one direction, the weaker has pulses of its level, although the other may be hidden."""
+    """The weaker of two sources in one direction has pulses of its level, although the other may be hidden."""
     groups = groups_from(np.zeros((1, 3)), np.zeros(1), 6.0, LEVEL.mean_db - 12.0)
     weaker = LEVEL._replace(mean_db=LEVEL.mean_db - 12.0)
     direct = associated(groups, [AHEAD_M, AHEAD_M], FREE, levels=[LEVEL, weaker]).direct
