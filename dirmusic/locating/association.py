@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit, gammaln, ndtr
+from scipy.special import expit, gammaln, ndtr, ndtri
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.measurement import Noise, NominalArray, PooledPulses, compare
@@ -36,6 +36,9 @@ LEVEL_ERROR_DB = 2.0
 HIDDEN_SHARE, HIDDEN_LOSS_DB = 0.1, 20.0
 """Probability that equipment that is not on the map weakens the direct wave, and range of that loss, in which it is
 uniformly distributed (assumed). Without it, false candidates gather the pulses of a source behind such equipment."""
+
+EXCEEDED = float(ndtr(-2.0))
+"""Probability with which a pulse is stronger than a source is expected to cause, interference apart (assumed)."""
 
 MAP_ERROR_SHARE = 0.5
 """Standard deviation of the attenuation by equipment on the map, as a share of its decibels (assumed)."""
@@ -91,9 +94,15 @@ class Level(NamedTuple):
     mean_db: float
     spread_db: float
 
-    def limit_db(self, range_m: FloatArray) -> FloatArray:
-        """Return the level at the array that pulses on any path hardly exceed, for distances (n,)."""
-        return self.mean_db + 2.0 * self.spread_db + INTERFERENCE_DB - 20.0 * np.log10(range_m)
+    def limit_db(self, range_m: FloatArray, n_pulses: FloatArray | float = 1.0) -> FloatArray:
+        """Return the level at the array that pulses on any path exceed with the probability `EXCEEDED`.
+
+        Args:
+            range_m: Distance, shape (n,).
+            n_pulses: Number of pulses of which none may exceed it, 1 or more, shape (n,).
+        """
+        off_db = -ndtri(EXCEEDED / n_pulses) * self.spread_db
+        return self.mean_db + off_db + INTERFERENCE_DB - 20.0 * np.log10(range_m)
 
 
 class Association(NamedTuple):

@@ -50,9 +50,10 @@ RATE_SPREAD, WANDER_RATE = 0.6, 1.5
 LEAST_EXPECTED = 0.5
 """Expected number of detections in a window above which silence counts (assumed)."""
 
-IMAGE_BOTH, IMAGE_LIMIT = 0.15, 3.0
-"""Probability that a source and its image are detected within one second from a place that sees the source, and largest
-contribution of one second to the log odds (assumed)."""
+IMAGE_BOTH, IMAGE_SHARE, IMAGE_LIMIT = 0.15, 0.03, 3.0
+"""Least probability that a source and its image are detected within one second from a place that sees the source,
+probability of each pulse to be taken for one of the other, so that at high rates both are detected in any case, and
+largest contribution of one second to the log odds (assumed)."""
 
 
 def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
@@ -149,10 +150,11 @@ def image_evidence(
 ) -> float:
     r"""Return the log odds of a separate source against an image of a senior one: each emission is received once.
 
-    An image is not detected more often than the senior source emits. Let p be the probability of at least as many
-    detections in a window as there are, with x and s as in `rate_evidence` for the rate of the senior source. Over the
-    windows with detections, the e-value :math:`\prod 1 / (2 \sqrt p)` is at most 1 in the mean if the source is an
-    image (Vovk and Wang, Annals of Statistics 49(3), 2021); its mean with 1 adds to the odds.
+    An image and the senior source together are not detected more often than the senior source emits. Let p be the
+    probability of at least as many detections in a window as both have, with x and s as in `rate_evidence` for the rate
+    of the senior source. Over the windows with detections, the e-value :math:`\prod 1 / (2 \sqrt p)` is at most 1 in
+    the mean if the source is an image (Vovk and Wang, Annals of Statistics 49(3), 2021); its mean with 1 adds to the
+    odds.
 
     Args:
         window: Window of each second, shape (n_seconds,).
@@ -163,14 +165,15 @@ def image_evidence(
         is_too_strong: True where a detection is stronger than an image of the senior source can be.
     """
     missed = OFF + (1.0 - OFF) * np.exp(-expected)
-    each = np.where(senior > 0.5, np.log((1.0 - missed + 1e-3) / IMAGE_BOTH), np.log(missed / (1.0 - IMAGE_BOTH)))
+    both = np.maximum(IMAGE_BOTH, 1.0 - (1.0 - IMAGE_SHARE) ** expected)
+    each = np.where(senior > 0.5, np.log((1.0 - missed + 1e-3) / both), np.log(missed / (1.0 - IMAGE_BOTH)))
     each = np.where(is_too_strong, IMAGE_LIMIT, np.where(expected > 0.0, np.clip(each, -IMAGE_LIMIT, IMAGE_LIMIT), 0.0))
     rows = count > 0.5
     n = np.bincount(window[rows], minlength=window.max(initial=0) + 1)
     by_seconds = (np.bincount(window[rows], each[rows], minlength=n.size) / np.maximum(n, 1)).sum()
     if not rate_hz:
         return float(by_seconds)
-    total, emitted = np.bincount(window, count), rate_hz * np.bincount(window)
+    total, emitted = np.bincount(window, count + senior), rate_hz * np.bincount(window)
     offset = np.log((total + 0.5) / (emitted + 0.5)) / np.sqrt(RATE_SPREAD**2 + 1.0 / (emitted + 0.5))
     by_rate = -(math.log(2.0) + 0.5 * log_ndtr(-offset[n > 0])).sum()
     return float(by_seconds + np.logaddexp(0.0, by_rate) - math.log(2.0))

@@ -425,7 +425,7 @@ class Locator:
         for k, track in enumerate(tracks):
             states = np.r_[N_PLACE * k : N_PLACE * (k + 1), n : estimate.state.size]
             uncertainty = estimate.cautious_covariance[np.ix_(states, states)]
-            track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty)
+            track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty, self.pose_error.position_m)
         return estimate
 
     def _weakening(self, track: Track, rows: IntArray) -> FloatArray:
@@ -604,7 +604,8 @@ class Locator:
                 is_senior = senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]
                 if is_senior and senior.id != track.twin:
                     other = observed[senior.id]
-                    is_strong = own.strongest_db > senior.level.limit_db(other.range_m)
+                    n_pulses = np.maximum(own.detected + other.detected, 1.0)
+                    is_strong = own.strongest_db > senior.level.limit_db(other.range_m, n_pulses)
                     image = image_evidence(
                         window, own.detected, other.detected, other.expected, other.rate_hz, is_strong
                     )

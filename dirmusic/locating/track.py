@@ -14,6 +14,7 @@ from dirmusic.locating.existence import OCCAM
 from dirmusic.locating.finding import Finding, State, ellipse95
 from dirmusic.locating.initiation import APART_M
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
+from dirmusic.locating.measurement import N_PLACE
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources
 
 MOVED, GROWN = 0.1, 1.25
@@ -110,11 +111,13 @@ class Track:
         """True if two sources explain its pulses better, but it has not been split."""
         return self.two.is_possible and not self.twin
 
-    def move(self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray) -> None:
-        """Set a new position; all groups are compared anew if it differs considerably."""
-        off_m = position_m - self.position_m
+    def move(
+        self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray, pose_std_m: float
+    ) -> None:
+        """Set a new position; all groups are compared anew if it differs considerably by its error and the poses'."""
+        off_m, error_m2 = position_m - self.position_m, self.covariance_m2 + pose_std_m**2 * np.eye(N_PLACE)
         growth = ellipse95(covariance_m2[:2, :2]).semi_major_m / self.semi_major_m
-        if off_m @ np.linalg.solve(self.covariance_m2, off_m) > MOVED or not 1.0 / GROWN < growth < GROWN:
+        if off_m @ np.linalg.solve(error_m2, off_m) > MOVED or not 1.0 / GROWN < growth < GROWN:
             self.n_compared = 0
         self.position_m, self.covariance_m2, self.uncertainty = position_m, covariance_m2, uncertainty
 

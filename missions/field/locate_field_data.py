@@ -45,7 +45,7 @@ from pdpatrol.robot_models.world import describe_equipment
 from pdpatrol.sensing import ArrayConfig, ElementConfig
 from pdpatrol.sensing.radio.transmission import Sight
 
-TABLE_RULES = LocatingRules(refit_share=0.02)
+TABLE_RULES = LocatingRules(refit_share=0.03)
 """Rules for a complete table. Its fits become rarer (assumed): often enough that a new source becomes one finding and
 not several, and a few hundred in a survey of several hours."""
 

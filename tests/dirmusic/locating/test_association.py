@@ -5,6 +5,8 @@ import pytest
 
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import (
+    EXCEEDED,
+    INTERFERENCE_DB,
     Association,
     Level,
     associate,
@@ -103,6 +105,14 @@ def test_pulse_of_a_hidden_source_is_multipath_if_weaker(azimuth_deg: float) -> 
     assert max(origin(azimuth_deg, 8.0, METAL)) < 0.05
     weak = groups_from(np.zeros((1, 3)), np.radians([azimuth_deg]), 6.0, LEVEL.mean_db - 6.0)
     assert associated(weak, [AHEAD_M], METAL, is_located=False).multipath.max() == 0.0
+
+
+@pytest.mark.parametrize("n_pulses", [1, 70, 1000])
+def test_strongest_of_many_pulses_hardly_exceeds_the_limit(n_pulses: int) -> None:
+    """One of n pulses exceeds the limit as rarely as a single one exceeds its own, interference apart."""
+    levels_db = np.random.default_rng(0).normal(LEVEL.mean_db, LEVEL.spread_db, (4000, n_pulses))
+    limit_db = LEVEL.limit_db(np.ones(1), n_pulses) - INTERFERENCE_DB
+    assert np.mean(levels_db.max(axis=1) > limit_db) == pytest.approx(EXCEEDED, abs=0.01)
 
 
 def test_shares_of_a_window_follow_its_pulses() -> None:

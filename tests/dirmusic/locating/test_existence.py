@@ -120,6 +120,19 @@ def test_image_is_not_detected_more_often_than_the_senior_emits() -> None:
     assert image(0.0, 0.0, rate_hz=2.0) == pytest.approx(-np.log(2.0), abs=0.1)
 
 
+def test_pulses_taken_for_those_of_an_image_do_not_make_it_a_source() -> None:
+    """At 70 pulses per second both are detected in each second; only more of them than the senior emits count."""
+    window, n = np.repeat(np.arange(20), 5), 100
+    expected, weak = np.full(n, 70.0), np.zeros(n, dtype=np.bool_)
+
+    def odds(own: float, senior: float) -> float:
+        return image_evidence(window, np.full(n, own), np.full(n, senior), expected, 70.0, weak)
+
+    assert odds(20.0, 50.0) < 0.5
+    assert odds(70.0, 70.0) > 5.0
+    assert image(60.0, 70.0) < 0.5 < image(1.0, 1.0)
+
+
 def test_chance_does_not_make_a_source_of_an_image() -> None:
     """Images at the rate of the senior source have the mean odds 1 at most."""
     rng, window = np.random.default_rng(0), np.repeat(np.arange(20), 5)
