@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import expit, gammaln, ndtr, ndtri
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.measurement import Noise, NominalArray, PooledPulses, compare
+from dirmusic.locating.measurement import FAR_OFF, Noise, NominalArray, PooledPulses, compare
 from dirmusic.locating.pulse_pool import Groups
 
 LEVEL_RANGE_DB, MULTIPATH_RANGE_DB = 50.0, 30.0
@@ -76,9 +76,14 @@ class Comparison(NamedTuple):
     direct: FloatArray
     range_m: FloatArray
 
-    def first(self, n: int) -> Comparison:
-        """Return the comparison of the first n groups."""
-        return Comparison(*(column[:n] for column in self))
+    @property
+    def near(self) -> IntArray:
+        """Rows of the groups from the direction of the source; the others did certainly not come from it."""
+        return np.flatnonzero(self.log_density > FAR_OFF[0])
+
+    def take(self, rows: IntArray | slice) -> Comparison:
+        """Select groups."""
+        return Comparison(*(column[rows] for column in self))
 
     def followed_by(self, later: Comparison) -> Comparison:
         """Append that of later groups."""
@@ -208,13 +213,15 @@ def likelihoods(
         none, shape (n,).
     """
     flat = np.exp(log_flat_density(groups.is_usable.sum(axis=-1).astype(np.float64)))
-    direct, multipath = np.empty((2, len(compared), flat.size))
+    direct, multipath = np.zeros((2, len(compared), flat.size))
     for k, (of_source, level) in enumerate(zip(compared, levels, strict=True)):
-        limit_db = level.limit_db(of_source.range_m)
-        is_weaker = is_located[k] & (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)
-        of_level = level_density(of_source, level, groups.n_pulses)
-        direct[k] = np.exp(of_source.log_density) * of_level * of_source.direct
-        multipath[k] = flat * is_weaker * (1.0 - of_source.direct) / MULTIPATH_RANGE_DB
+        rows = of_source.near
+        own = of_source.take(rows)
+        direct[k, rows] = np.exp(own.log_density) * level_density(own, level, groups.n_pulses[rows]) * own.direct
+        if is_located[k]:
+            limit_db = level.limit_db(of_source.range_m)
+            is_weaker = (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)
+            multipath[k] = flat * is_weaker * (1.0 - of_source.direct) / MULTIPATH_RANGE_DB
     return direct, multipath, flat / LEVEL_RANGE_DB
 
 

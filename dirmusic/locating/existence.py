@@ -57,13 +57,19 @@ largest contribution of one second to the log odds (assumed)."""
 
 
 def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
-    """Return the log ratio of the densities of each group under a source and under a wandering wave, shape (n,)."""
-    wander_db = np.hypot(level_std(compared, level, n_pulses), WANDER_DB)
-    share = 1.0 / (1.0 + np.square(WANDER_RAD / compared.bearing_std_rad))
-    of_bearing = -0.5 * np.square(compared.bearing_offset) * (1.0 - share) - 0.5 * np.log(share)
-    of_level = np.log(np.maximum(level_density(compared, level, n_pulses), LEAST_DENSITY))
-    of_level -= norm.logpdf(compared.level_db, level.mean_db, wander_db)
-    return of_bearing + of_level + np.log(np.maximum(compared.direct, WRONG_MAP))
+    """Return the log ratio of the densities of each group under a source and under a wandering wave, shape (n,).
+
+    It is minus infinity for groups from other directions.
+    """
+    ratios, rows = np.full(n_pulses.size, -np.inf), compared.near
+    own, n_pulses = compared.take(rows), n_pulses[rows]
+    wander_db = np.hypot(level_std(own, level, n_pulses), WANDER_DB)
+    share = 1.0 / (1.0 + np.square(WANDER_RAD / own.bearing_std_rad))
+    of_bearing = -0.5 * np.square(own.bearing_offset) * (1.0 - share) - 0.5 * np.log(share)
+    of_level = np.log(np.maximum(level_density(own, level, n_pulses), LEAST_DENSITY))
+    of_level -= norm.logpdf(own.level_db, level.mean_db, wander_db)
+    ratios[rows] = of_bearing + of_level + np.log(np.maximum(own.direct, WRONG_MAP))
+    return ratios
 
 
 def pulse_evidence(ratios: FloatArray, association: Association, window: IntArray) -> FloatArray:

@@ -136,6 +136,20 @@ class Detections(NamedTuple):
     rate_hz: float
 
 
+class Listening(NamedTuple):
+    """When the array listened, and how well.
+
+    Attributes:
+        window: Time window of each second of the mission, shape (n_seconds,).
+        second: Number of the second of each group, from 0 on, shape (n,).
+        threshold_db: Threshold of detection, dB relative to 1 V.
+    """
+
+    window: IntArray
+    second: IntArray
+    threshold_db: float
+
+
 class Locator:
     """Locator by expectation maximisation over all pulses of a mission.
 
@@ -274,7 +288,7 @@ class Locator:
             noise,
             self._transmission(track)[:, groups.place[start:]],
         )
-        track.compared = track.compared.first(start).followed_by(later)
+        track.compared = track.compared.take(slice(start)).followed_by(later)
         track.n_compared = self._pool.n_settled
         return track.compared
 
@@ -483,10 +497,11 @@ class Locator:
 
     def _split(self) -> None:
         """Compare likely tracks with two sources, and split those that certainly are two."""
+        sight = unit_vector(self._pool.groups.azimuth_rad + self._pool.groups.pose[:, 2])
         for track in list(self._tracks):
             if track.log_odds <= 0.0 or track.semi_major_m >= LOCATED_M or track.state == "outside":
                 continue
-            near = self._near(track)
+            near = self._near(track, sight)
             n = float(near.sum())
             if n < max(TESTED_GROWTH * track.n_tested, LEAST_TESTED):
                 continue
@@ -514,10 +529,14 @@ class Locator:
         groups, place = self._pool.groups.take(rows), (track.position_m, self._array_state, self._nominal)
         return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error)
 
-    def _near(self, track: Track) -> FloatArray:
-        """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,)."""
+    def _near(self, track: Track, sight: FloatArray) -> FloatArray:
+        """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,).
+
+        Args:
+            track: The track.
+            sight: Unit vectors from the array along the direction of each group, world frame, shape (n, 2).
+        """
         groups, others = self._pool.groups, self._association.direct.sum(axis=0) - track.direct
-        sight = unit_vector(groups.azimuth_rad + groups.pose[:, 2])
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
         is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
@@ -588,7 +607,9 @@ class Locator:
         by_pulses = pulse_evidence(ratios, self._association, self._window)
         is_confirmed = np.array([track.state == "confirmed" for track in tracks])
         possible = possible_origin(self._likelihood, self._association, is_confirmed)
-        observed = {track.id: self._observe(track, own) for track, own in zip(tracks, possible, strict=True)}
+        second = np.searchsorted(self._pool.listened_s, groups.time_s + ROUNDING, side="right") - 1
+        listening = Listening(window, np.clip(second, 0, None), float(np.quantile(groups.level_db, THRESHOLD_QUANTILE)))
+        observed = {track.id: self._observe(track, own, listening) for track, own in zip(tracks, possible, strict=True)}
         own_odds, by_tries = dict[int, float](), float(np.log(self._n_initiated))  # look-elsewhere effect
         for track, pulses in zip(tracks, by_pulses.tolist(), strict=True):
             own = observed[track.id]
@@ -614,23 +635,21 @@ class Locator:
             track.log_odds = float(-np.logaddexp(-own_odds[track.id], -least))
             self._describe(track, time_s)
 
-    def _observe(self, track: Track, is_possible: FloatArray) -> Detections:
+    def _observe(self, track: Track, is_possible: FloatArray, listening: Listening) -> Detections:
         """Count the detections of a track, those that are possible, and those that were to be expected."""
         groups, pool = self._pool.groups, self._pool
         transmission = self._transmission(track)[:, pool.listened].min(axis=0)
         range_m = np.maximum(np.linalg.norm(pool.places_m[pool.listened] - track.position_m, axis=-1), 0.3)
         free_db = track.level.mean_db - 20.0 * np.log10(range_m)
-        threshold_db = np.quantile(groups.level_db, THRESHOLD_QUANTILE) + THRESHOLD_MARGIN_DB
-        is_visible = (transmission >= 10.0 ** (-2.0 * EQUAL_LOSS_DB / 20.0)) & (free_db > threshold_db)
+        is_strong = free_db > listening.threshold_db + THRESHOLD_MARGIN_DB
+        is_visible = (transmission >= 10.0 ** (-2.0 * EQUAL_LOSS_DB / 20.0)) & is_strong
         is_visible &= track.semi_major_m <= LOCATED_M
-        second = np.clip(np.searchsorted(pool.listened_s, groups.time_s + ROUNDING, side="right") - 1, 0, None)
-        detected = np.zeros(pool.listened_s.size)
-        np.add.at(detected, second, track.direct * groups.n_pulses)
-        possible = np.bincount(second, is_possible * groups.n_pulses, pool.listened_s.size).astype(np.float64)
-        window = pool.window_of(pool.listened_s)
-        n_detected, n_seconds = np.bincount(window, detected * is_visible), np.bincount(window, is_visible)
+        window, second, n_seconds = listening.window, listening.second, pool.listened_s.size
+        detected = np.bincount(second, track.direct * groups.n_pulses, n_seconds).astype(np.float64)
+        possible = np.bincount(second, is_possible * groups.n_pulses, n_seconds).astype(np.float64)
+        n_detected, n_visible = np.bincount(window, detected * is_visible), np.bincount(window, is_visible)
         is_active = n_detected > 0.5
-        rate = float(np.median(n_detected[is_active] / n_seconds[is_active])) if is_active.any() else 0.0
+        rate = float(np.median(n_detected[is_active] / n_visible[is_active])) if is_active.any() else 0.0
         strongest_db = np.full(pool.listened_s.size, -np.inf)
         np.maximum.at(strongest_db, second, np.where(track.direct > 0.5, groups.level_db, -np.inf))
         return Detections(detected, possible, np.where(is_visible, rate, 0.0), strongest_db, range_m, rate)
