@@ -15,7 +15,8 @@ class LocatingRules:
 
     Attributes:
         refit_s: Time between fits.
-        refit_share: Time between fits as a share of the time since the first one, if that is longer.
+        refit_share: Time between fits as a share of the time since the first one, if that is longer. By default, nothing
+            changes in the first ten minutes; later, the cost per second does not grow any more.
         max_pulses: Largest number of groups of pulses of one finding in a fit. The pulses of a group share a place, a
             heading and a direction.
         max_std_rad: Largest standard deviation of a direction that is used. False alarms from noise have a larger one.
@@ -27,7 +28,7 @@ class LocatingRules:
     """
 
     refit_s: float = 1.0
-    refit_share: float = 0.0
+    refit_share: float = 0.0016
     max_pulses: int = 120
     max_std_rad: float = radians(25.0)
     confirm_probability: float = 0.99
