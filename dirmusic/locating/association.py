@@ -1,10 +1,10 @@
 r"""Association of pulses with sources: the E step of expectation maximisation.
 
 A group of pulses came from source k on its direct path, from source k on another path, or from none. With the density
-:math:`d_k` of its strengths, the density :math:`l_k` of its level, and the probability :math:`v_k` that the direct path
-is the strongest one,
+:math:`d_k` of its strengths, the normal density of its level, and the probability :math:`v_k` that the direct path is
+the strongest one,
 
-.. math:: r_k \propto \pi_k v_k \, d_k \, l_k, \quad
+.. math:: r_k \propto \pi_k v_k \, d_k \, N(L; L_k, \sigma_k), \quad
           m_k \propto \pi_k (1 - v_k) \, d_0 / M, \quad r_0 \propto \pi_0 \, d_0 / R
 
 where :math:`\pi` are the shares of the sources in the window of the group, :math:`d_0` is the density of strengths of
@@ -32,10 +32,6 @@ INTERFERENCE_DB = 3.0
 
 LEVEL_ERROR_DB = 2.0
 """Standard deviation of a mean level due to reflections and to equipment on the path (assumed)."""
-
-HIDDEN_SHARE, HIDDEN_LOSS_DB = 0.1, 20.0
-"""Probability that equipment that is not on the map weakens the direct wave, and range of that loss, in which it is
-uniformly distributed (assumed). Without it, false candidates gather the pulses of a source behind such equipment."""
 
 EXCEEDED = float(ndtr(-2.0))
 """Probability with which a pulse is stronger than a source is expected to cause, interference apart (assumed)."""
@@ -188,15 +184,6 @@ def level_std(compared: Comparison, level: Level, n_pulses: FloatArray) -> Float
     return np.sqrt(np.square(compared.level_error_db) + level.spread_db**2 / n_pulses)
 
 
-def level_density(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
-    """Return the density of the mean levels of groups that come from a source directly, per decibel, shape (n,)."""
-    std_db = level_std(compared, level, n_pulses)
-    off = (compared.level_db - level.mean_db) / std_db
-    free = np.exp(-0.5 * np.square(off)) / (np.sqrt(2.0 * np.pi) * std_db)
-    hidden = (ndtr(off + HIDDEN_LOSS_DB / std_db) - ndtr(off)) / HIDDEN_LOSS_DB
-    return (1.0 - HIDDEN_SHARE) * free + HIDDEN_SHARE * hidden
-
-
 def likelihoods(
     groups: Groups, compared: list[Comparison], levels: list[Level], is_located: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -217,7 +204,10 @@ def likelihoods(
     for k, (of_source, level) in enumerate(zip(compared, levels, strict=True)):
         rows = of_source.near
         own = of_source.take(rows)
-        direct[k, rows] = np.exp(own.log_density) * level_density(own, level, groups.n_pulses[rows]) * own.direct
+        std_db = level_std(own, level, groups.n_pulses[rows])
+        off = (own.level_db - level.mean_db) / std_db
+        density = np.exp(own.log_density - 0.5 * np.square(off)) / (np.sqrt(2.0 * np.pi) * std_db)
+        direct[k, rows] = density * own.direct
         if is_located[k]:
             limit_db = level.limit_db(of_source.range_m)
             is_weaker = (groups.level_db < limit_db) & (groups.level_db > limit_db - MULTIPATH_RANGE_DB)

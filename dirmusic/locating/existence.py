@@ -4,11 +4,11 @@ Pulses that seem to come from one point may be multipath, or come from interfere
 levels then change in any way, and so does their number. A group of pulses contributes the log ratio
 
 .. math:: a = \ln\frac{N(\Delta\beta; \sigma_\beta)}{N(\Delta\beta; \sqrt{\sigma_\beta^2 + \Delta^2})}
-            + \ln\frac{l(\Delta L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
+            + \ln\frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
 
 where a wandering wave changes its bearing by :math:`\Delta` and its level by :math:`\Lambda` from one window to the
-next, l is `level_density`, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once,
-because its errors are shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
+next, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once, because its errors are
+shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
 """
 
 from __future__ import annotations
@@ -17,17 +17,13 @@ import math
 
 import numpy as np
 from scipy.special import log_ndtr
-from scipy.stats import norm
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.association import Association, Comparison, Level, level_density, level_std
+from dirmusic.locating.association import Association, Comparison, Level, level_std
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 
 WANDER_RAD, WANDER_DB = np.radians(40.0), 12.0
 """Change of bearing and level of a wandering wave between independent observations (assumed)."""
-
-LEAST_DENSITY = 1e-100
-"""Least density of a level, per decibel, so that its logarithm is finite."""
 
 WRONG_MAP = 0.1
 """Probability that the map hides a source from a place that sees it (assumed)."""
@@ -62,14 +58,17 @@ def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> Floa
     It is minus infinity for groups from other directions.
     """
     ratios, rows = np.full(n_pulses.size, -np.inf), compared.near
-    own, n_pulses = compared.take(rows), n_pulses[rows]
-    wander_db = np.hypot(level_std(own, level, n_pulses), WANDER_DB)
-    share = 1.0 / (1.0 + np.square(WANDER_RAD / own.bearing_std_rad))
-    of_bearing = -0.5 * np.square(own.bearing_offset) * (1.0 - share) - 0.5 * np.log(share)
-    of_level = np.log(np.maximum(level_density(own, level, n_pulses), LEAST_DENSITY))
-    of_level -= norm.logpdf(own.level_db, level.mean_db, wander_db)
+    own, std_db = compared.take(rows), level_std(compared.take(rows), level, n_pulses[rows])
+    of_bearing = _log_ratio(own.bearing_offset, own.bearing_std_rad, WANDER_RAD)
+    of_level = _log_ratio((own.level_db - level.mean_db) / std_db, std_db, WANDER_DB)
     ratios[rows] = of_bearing + of_level + np.log(np.maximum(own.direct, WRONG_MAP))
     return ratios
+
+
+def _log_ratio(offset: FloatArray, std: FloatArray, wander: float) -> FloatArray:
+    """Return the log ratio of two normal densities of an offset: with its deviation, and with a wander more."""
+    share = 1.0 / (1.0 + np.square(wander / std))
+    return -0.5 * np.square(offset) * (1.0 - share) - 0.5 * np.log(share)
 
 
 def pulse_evidence(ratios: FloatArray, association: Association, window: IntArray) -> FloatArray:

@@ -15,8 +15,8 @@ class LocatingRules:
 
     Attributes:
         refit_s: Time between fits.
-        refit_share: Time between fits as a share of the time since the first one, if that is longer. By default, nothing
-            changes in the first ten minutes; later, the cost per second does not grow any more.
+        refit_share: Time between fits as a share of the time since the first one, if that is longer. By default,
+            nothing changes in the first ten minutes; later, the cost per second does not grow any more.
         max_pulses: Largest number of groups of pulses of one finding in a fit. The pulses of a group share a place, a
             heading and a direction.
         max_std_rad: Largest standard deviation of a direction that is used. False alarms from noise have a larger one.
