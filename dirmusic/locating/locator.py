@@ -625,7 +625,7 @@ class Locator:
                 is_senior = senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]
                 if is_senior and senior.id != track.twin:
                     other = observed[senior.id]
-                    n_pulses = np.maximum(own.detected + other.detected, 1.0)
+                    n_pulses = np.maximum(own.detected, 1.0)
                     is_strong = own.strongest_db > senior.level.limit_db(other.range_m, n_pulses)
                     image = image_evidence(
                         window, own.detected, other.detected, other.expected, other.rate_hz, is_strong
