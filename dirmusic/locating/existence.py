@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import Association, Comparison, Level, level_std
@@ -58,7 +57,8 @@ def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> Floa
     It is minus infinity for groups from other directions.
     """
     ratios, rows = np.full(n_pulses.size, -np.inf), compared.near
-    own, std_db = compared.take(rows), level_std(compared.take(rows), level, n_pulses[rows])
+    own = compared.take(rows)
+    std_db = level_std(own, level, n_pulses[rows])
     of_bearing = _log_ratio(own.bearing_offset, own.bearing_std_rad, WANDER_RAD)
     of_level = _log_ratio((own.level_db - level.mean_db) / std_db, std_db, WANDER_DB)
     ratios[rows] = of_bearing + of_level + np.log(np.maximum(own.direct, WRONG_MAP))
@@ -155,11 +155,14 @@ def image_evidence(
 ) -> float:
     r"""Return the log odds of a separate source against an image of a senior one: each emission is received once.
 
-    An image and the senior source together are not detected more often than the senior source emits. Let p be the
-    probability of at least as many detections in a window as both have, with x and s as in `rate_evidence` for the rate
-    of the senior source. Over the windows with detections, the e-value :math:`\prod 1 / (2 \sqrt p)` is at most 1 in
-    the mean if the source is an image (Vovk and Wang, Annals of Statistics 49(3), 2021); its mean with 1 adds to the
-    odds.
+    The senior source emits as usual while it is detected together with another source, but an image takes some of its
+    detections. With n detections of the candidate in a window, m of the senior source, and x and s as in
+    `rate_evidence` for the rate of the senior source, the likelihood ratio is
+
+    .. math:: \exp \frac{x_{n + m}^2 - x_m^2}{2 s^2}
+
+    where the senior source may also be off. Its mean is 1 if the candidate is an image. The senior source may be hidden
+    all the time; therefore, the mean of the product over all windows with detections, and of 1, adds to the odds.
 
     Args:
         window: Window of each second, shape (n_seconds,).
@@ -178,7 +181,11 @@ def image_evidence(
     by_seconds = (np.bincount(window[rows], each[rows], minlength=n.size) / np.maximum(n, 1)).sum()
     if not rate_hz:
         return float(by_seconds)
-    total, emitted = np.bincount(window, count + senior), rate_hz * np.bincount(window)
-    offset = np.log((total + 0.5) / (emitted + 0.5)) / np.sqrt(RATE_SPREAD**2 + 1.0 / (emitted + 0.5))
-    by_rate = -(math.log(2.0) + 0.5 * log_ndtr(-offset[n > 0])).sum()
+    emitted = rate_hz * np.bincount(window)[n > 0]
+    variance = RATE_SPREAD**2 + 1.0 / (emitted + 0.5)
+    alone, together = (
+        np.square(np.log((np.bincount(window, detected)[n > 0] + 0.5) / (emitted + 0.5)))
+        for detected in (senior, senior + count)
+    )
+    by_rate = np.logaddexp(math.log(1.0 - OFF) + 0.5 * (together - alone) / variance, math.log(OFF)).sum()
     return float(by_seconds + np.logaddexp(0.0, by_rate) - math.log(2.0))

@@ -133,10 +133,15 @@ def test_pulses_taken_for_those_of_an_image_do_not_make_it_a_source() -> None:
     assert image(60.0, 70.0) < 0.5 < image(1.0, 1.0)
 
 
-def test_chance_does_not_make_a_source_of_an_image() -> None:
-    """Images at the rate of the senior source have the mean odds 1 at most."""
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("rate_hz", [0.4, 10.0])
+def test_chance_does_not_make_a_source_of_an_image(rate_hz: float, share: float) -> None:
+    """An image that takes a share of the detections of a senior source has the mean odds 1 at most."""
     rng, window = np.random.default_rng(0), np.repeat(np.arange(20), 5)
-    hidden, weak = np.zeros(100), np.zeros(100, dtype=np.bool_)
-    counts = rng.poisson(0.4 * rng.lognormal(0.0, 0.6, (400, 20)).repeat(5, axis=1)).astype(np.float64)
-    odds = np.exp([image_evidence(window, count, hidden, hidden, 0.4, weak) for count in counts])
-    assert odds.mean() < 1.1
+    hidden, weak, odds = np.zeros(100), np.zeros(100, dtype=np.bool_), list[float]()
+    for _ in range(400):
+        emitted = rng.poisson(rate_hz * rng.lognormal(0.0, 0.6, 20).repeat(5))
+        taken = rng.binomial(emitted, share)
+        counts = taken.astype(np.float64), (emitted - taken).astype(np.float64)
+        odds.append(np.exp(image_evidence(window, *counts, hidden, rate_hz, weak)))
+    assert np.mean(odds) < 1.1
