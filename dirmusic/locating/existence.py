@@ -3,17 +3,19 @@ r"""Existence of a source: the evidence of a fixed point against a wave that wan
 Pulses that seem to come from one point may be multipath, or come from interference that moves. Their directions and
 levels then change in any way, and so does their number. A group of pulses contributes the log ratio
 
-.. math:: a = \ln\frac{N(\Delta\beta; \sigma_\beta)}{N(\Delta\beta; \sqrt{\sigma_\beta^2 + \Delta^2})}
-            + \ln\frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + \ln v
+.. math:: a = \ln\left(v \frac{N(\Delta\beta; \sigma_\beta)}{N(\Delta\beta; \sqrt{\sigma_\beta^2 + \Delta^2})}
+            \frac{N(\Delta L; \sigma_L)}{N(\Delta L; \sqrt{\sigma_L^2 + \Lambda^2})} + 1 - v\right)
 
 where a wandering wave changes its bearing by :math:`\Delta` and its level by :math:`\Lambda` from one window to the
-next, and v is the probability of a direct path, at least `WRONG_MAP`. A window counts once, because its errors are
-shared. See `pulse_evidence`, `rate_evidence` and `image_evidence` for the three tests.
+next. A wave of a source comes on the direct path with the probability v, at least `WRONG_MAP`, and wanders otherwise; a
+place behind equipment says little. A window counts once, because its errors are shared. See `pulse_evidence`,
+`rate_evidence` and `image_evidence` for the three tests.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +23,19 @@ from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.association import Association, Comparison, Level, level_std
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 
-WANDER_RAD, WANDER_DB = np.radians(40.0), 12.0
-"""Change of bearing and level of a wandering wave between independent observations (assumed)."""
+
+class Wander(NamedTuple):
+    """Standard deviations of the change of bearing and level of a wave between independent observations."""
+
+    bearing_rad: float
+    level_db: float
+
+
+WANDERING = Wander(np.radians(40.0), 12.0)
+"""Change of multipath and of interference that moves (assumed)."""
+
+DIFFUSE = Wander(np.radians(10.0), 8.0)
+"""Change of the waves that reach the array around the equipment near a source, as from an extended image (assumed)."""
 
 WRONG_MAP = 0.1
 """Probability that the map hides a source from a place that sees it (assumed)."""
@@ -51,17 +64,17 @@ probability of each pulse to be taken for one of the other, so that at high rate
 largest contribution of one second to the log odds (assumed)."""
 
 
-def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray) -> FloatArray:
+def log_ratios(compared: Comparison, level: Level, n_pulses: FloatArray, wander: Wander = WANDERING) -> FloatArray:
     """Return the log ratio of the densities of each group under a source and under a wandering wave, shape (n,).
 
     It is minus infinity for groups from other directions.
     """
     ratios, rows = np.full(n_pulses.size, -np.inf), compared.near
     own = compared.take(rows)
-    std_db = level_std(own, level, n_pulses[rows])
-    of_bearing = _log_ratio(own.bearing_offset, own.bearing_std_rad, WANDER_RAD)
-    of_level = _log_ratio((own.level_db - level.mean_db) / std_db, std_db, WANDER_DB)
-    ratios[rows] = of_bearing + of_level + np.log(np.maximum(own.direct, WRONG_MAP))
+    std_db, direct = level_std(own, level, n_pulses[rows]), np.maximum(own.direct, WRONG_MAP)
+    of_bearing = _log_ratio(own.bearing_offset, own.bearing_std_rad, wander.bearing_rad)
+    of_level = _log_ratio((own.level_db - level.mean_db) / std_db, std_db, wander.level_db)
+    ratios[rows] = np.logaddexp(np.log(direct) + of_bearing + of_level, np.log1p(-direct))
     return ratios
 
 

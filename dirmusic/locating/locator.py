@@ -25,7 +25,10 @@ from dirmusic.locating.association import (
     window_shares,
 )
 from dirmusic.locating.existence import (
+    DIFFUSE,
     OCCAM,
+    WANDERING,
+    Wander,
     image_evidence,
     level_evidence,
     log_ratios,
@@ -485,14 +488,18 @@ class Locator:
                 track.n_compared = 0
 
     def _estimate_level(self, track: Track) -> None:
-        """Estimate the level of a track by weighted medians."""
+        """Estimate the level of a track by medians, weighted by the precision of level and bearing.
+
+        Weak waves that reach the array around equipment come from near the source, but not from one point.
+        """
         rows = np.flatnonzero(track.direct > FITTED_PROBABILITY)
         if not rows.size:
             return
-        level_db, error_db = track.compared.level_db[rows], track.compared.level_error_db[rows]
-        weight = track.direct[rows] * np.minimum(self._pool.groups.n_pulses[rows], 5) / np.square(error_db)
-        mean_db = weighted_median(level_db, weight)
-        spread_db = 1.4826 * weighted_median(np.abs(level_db - mean_db), weight)
+        own = track.compared.take(rows)
+        weight = track.direct[rows] * np.minimum(self._pool.groups.n_pulses[rows], 5)
+        weight /= np.square(own.level_error_db * own.bearing_std_rad)
+        mean_db = weighted_median(own.level_db, weight)
+        spread_db = 1.4826 * weighted_median(np.abs(own.level_db - mean_db), weight)
         track.level = Level(mean_db, float(np.clip(spread_db, *SPREAD_DB)))
 
     def _split(self) -> None:
@@ -536,7 +543,9 @@ class Locator:
             track: The track.
             sight: Unit vectors from the array along the direction of each group, world frame, shape (n, 2).
         """
-        groups, others = self._pool.groups, self._association.direct.sum(axis=0) - track.direct
+        groups, others = self._pool.groups, np.zeros(track.direct.size)
+        for other in self._tracks:
+            others += other.direct * (other is not track and other.state == "confirmed")
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
         is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
@@ -603,15 +612,16 @@ class Locator:
             self._estimate_level(track)
         if not tracks:
             return
-        ratios = np.array([log_ratios(track.compared, track.level, groups.n_pulses) for track in tracks])
-        by_pulses = pulse_evidence(ratios, self._association, self._window)
         is_confirmed = np.array([track.state == "confirmed" for track in tracks])
+        by_pulses, against_diffuse = self._pulse_evidence(WANDERING), [np.inf] * len(tracks)
+        if len(tracks) > 1 and is_confirmed.any():
+            against_diffuse = self._pulse_evidence(DIFFUSE)
         possible = possible_origin(self._likelihood, self._association, is_confirmed)
         second = np.searchsorted(self._pool.listened_s, groups.time_s + ROUNDING, side="right") - 1
         listening = Listening(window, np.clip(second, 0, None), float(np.quantile(groups.level_db, THRESHOLD_QUANTILE)))
         observed = {track.id: self._observe(track, own, listening) for track, own in zip(tracks, possible, strict=True)}
         own_odds, by_tries = dict[int, float](), float(np.log(self._n_initiated))  # look-elsewhere effect
-        for track, pulses in zip(tracks, by_pulses.tolist(), strict=True):
+        for track, pulses in zip(tracks, by_pulses, strict=True):
             own = observed[track.id]
             is_visible = own.expected > 0.0
             counts = own.expected, own.detected * is_visible, own.possible * is_visible
@@ -619,7 +629,7 @@ class Locator:
             rate *= not track.twin
             own_odds[track.id] = pulses + rate + level_evidence(track.level) - OCCAM - by_tries
             track.evidence = Evidence(pulses, rate)
-        for track in tracks:
+        for track, sharp in zip(tracks, against_diffuse, strict=True):
             own, least = observed[track.id], np.inf
             for senior in tracks:
                 is_senior = senior.state == "confirmed" and own_odds[senior.id] > own_odds[track.id]
@@ -630,10 +640,16 @@ class Locator:
                     image = image_evidence(
                         window, own.detected, other.detected, other.expected, other.rate_hz, is_strong
                     )
-                    least = min(least, track.evidence.rate + level_evidence(track.level) + image)
+                    least = min(least, track.evidence.rate + level_evidence(track.level) + min(image, sharp))
             track.evidence = track.evidence._replace(image=least)
             track.log_odds = float(-np.logaddexp(-own_odds[track.id], -least))
             self._describe(track, time_s)
+
+    def _pulse_evidence(self, wander: Wander) -> list[float]:
+        """Return the log odds of each track by its pulses, against waves that wander."""
+        n_pulses = self._pool.groups.n_pulses
+        ratios = np.array([log_ratios(track.compared, track.level, n_pulses, wander) for track in self._tracks])
+        return pulse_evidence(ratios, self._association, self._window).tolist()
 
     def _observe(self, track: Track, is_possible: FloatArray, listening: Listening) -> Detections:
         """Count the detections of a track, those that are possible, and those that were to be expected."""

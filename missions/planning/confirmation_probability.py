@@ -27,7 +27,7 @@ from scipy.special import ndtr
 
 from dirmusic.angles import azimuth_of, unit_vector
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
-from dirmusic.locating.existence import OCCAM, WANDER_DB, WANDER_RAD
+from dirmusic.locating.existence import OCCAM, WANDERING
 from dirmusic.locating.finding import SQUARE_95
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION
@@ -45,7 +45,7 @@ the ground wave, errors of the pattern. Assumed; matters only where levels are w
 WINDOW_S = 5.0
 """Time for which errors are shared and an observation counts once, as in the Locator."""
 
-EVIDENCE = float(np.log(WANDER_RAD / np.radians(2.6)) + np.log(WANDER_DB / SPREAD_DB)) - 1.0
+EVIDENCE = float(np.log(WANDERING.bearing_rad / np.radians(2.6)) + np.log(WANDERING.level_db / SPREAD_DB)) - 1.0
 NEEDED = OCCAM + 1.8 + 4.6
 """Log odds from a window with a detection, and their sum that confirms. From the Locator's model: a wandering wave
 changes bearing and level by more than a discharge does, by 2.6 degrees and `SPREAD_DB`; two normal errors cost 1 on

@@ -5,18 +5,39 @@ import pytest
 
 from dirmusic.arrays import FloatArray
 from dirmusic.locating.association import Association, Comparison, Level
-from dirmusic.locating.existence import image_evidence, log_ratios, pulse_evidence, rate_evidence
+from dirmusic.locating.existence import (
+    DIFFUSE,
+    WANDERING,
+    Wander,
+    image_evidence,
+    log_ratios,
+    pulse_evidence,
+    rate_evidence,
+)
 
 LEVEL = Level(-5.0, 2.0)
 
 
-def ratios_of(bearing_sigmas: float, level_db: float, n: int) -> FloatArray:
+def ratios_of(
+    bearing_sigmas: float | FloatArray,
+    level_db: float | FloatArray,
+    n: int,
+    *,
+    direct: float = 0.98,
+    wander: Wander = WANDERING,
+) -> FloatArray:
     """Return the log ratios of n pulses that are off in bearing and level."""
     one = np.ones(n)
     compared = Comparison(
-        0.0 * one, (LEVEL.mean_db + level_db) * one, 2.0 * one, 0.05 * one, bearing_sigmas * one, one, 5.0 * one
+        0.0 * one,
+        (LEVEL.mean_db + level_db) * one,
+        2.0 * one,
+        0.05 * one,
+        bearing_sigmas * one,
+        direct * one,
+        5.0 * one,
     )
-    return log_ratios(compared, LEVEL, one)
+    return log_ratios(compared, LEVEL, one, wander)
 
 
 def evidence(n_windows: int, n_each: int, bearing_sigmas: float = 0.5, level_db: float = 1.0) -> float:
@@ -40,6 +61,24 @@ def test_scattered_pulses_are_evidence_against_a_source() -> None:
     assert evidence(5, 3, bearing_sigmas=4.0) < 0.0
     assert evidence(5, 3, level_db=15.0) < 0.0
     assert evidence(5, 3) > evidence(5, 3, bearing_sigmas=2.0) > evidence(5, 3, bearing_sigmas=4.0)
+
+
+def test_pulses_from_behind_equipment_hardly_count() -> None:
+    """Where the direct path is hidden, waves of a source wander like others: scattered ones do not refute it."""
+    assert ratios_of(4.0, 1.0, 1, direct=0.02) > -0.2 > -2.0 > ratios_of(4.0, 1.0, 1)
+    assert 0.0 < ratios_of(0.5, 1.0, 1, direct=0.02) < 0.6 * ratios_of(0.5, 1.0, 1)
+
+
+def test_point_is_told_from_an_extended_image() -> None:
+    """Bearings and levels that scatter by more than their errors are no evidence against an extended image."""
+    rng = np.random.default_rng(0)
+
+    def evidence(bearing_std_rad: float, level_std_db: float) -> float:
+        bearing_sigmas = rng.normal(0.0, np.hypot(0.05, bearing_std_rad) / 0.05, 1000)
+        level_db = rng.normal(0.0, np.hypot(np.hypot(2.0, LEVEL.spread_db), level_std_db), 1000)
+        return ratios_of(bearing_sigmas, level_db, 1000, wander=DIFFUSE).mean()
+
+    assert evidence(*DIFFUSE) < 0.0 < 1.0 < evidence(0.0, 0.0)
 
 
 def test_source_in_the_shadow_of_another_has_little_evidence() -> None:

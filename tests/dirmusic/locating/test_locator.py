@@ -304,6 +304,20 @@ def test_known_errors_are_dropped_if_pulses_contradict_them(change: float) -> No
     assert np.linalg.norm(confirmed(locator)[0].position_m[:2] - SOURCE_M[:2]) < 0.1
 
 
+def test_level_is_that_of_precise_pulses() -> None:
+    """Weak pulses from around the source, twice as many as its own, change neither its place nor its level."""
+    rng, path = np.random.default_rng(0), path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 120)
+    nature = Nature(errors=drawn_errors(rng), ground=1.0)
+    own = detections(path, SOURCE_M[np.newaxis], 0, rate=0.3, nature=nature)
+    around_m = SOURCE_M + rng.normal(0.0, 0.5, (len(path), 1, 3)) * [1.0, 1.0, 0.0]
+    weak = detections(path, around_m, 1, volts=0.1, rate=0.6, nature=nature)
+    locator, _ = listen([each for pair in zip(own, weak, strict=True) for each in pair])
+    alone, _ = listen(own)
+    (finding,), (expected,) = confirmed(locator), confirmed(alone)
+    assert np.linalg.norm(finding.position_m[:2] - SOURCE_M[:2]) < 0.2
+    assert abs(finding.level_db - expected.level_db) < 3.0
+
+
 def test_weakened_pulses_from_beside_the_source_pull_less() -> None:
     """A third of the pulses comes 10 dB weaker from 0.8 m beside the source, as past the edge of unknown equipment."""
     n, place_m, off2_m2 = 60, np.array([20.0, 15.0, 1.8]), list[float]()
