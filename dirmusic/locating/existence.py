@@ -34,7 +34,7 @@ class Wander(NamedTuple):
 WANDERING = Wander(np.radians(40.0), 12.0)
 """Change of multipath and of interference that moves (assumed)."""
 
-DIFFUSE = Wander(np.radians(10.0), 8.0)
+DIFFUSE = Wander(np.radians(12.0), 10.0)
 """Change of the waves that reach the array around the equipment near a source, as from an extended image (assumed)."""
 
 WRONG_MAP = 0.1
