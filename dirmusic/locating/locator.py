@@ -39,6 +39,7 @@ from dirmusic.locating.finding import Finding, State, reaches95
 from dirmusic.locating.initiation import (
     APART_M,
     CANDIDATE_APART_M,
+    EXTRA_STD_RAD,
     INITIATION_S,
     OF_MULTIPATH,
     OF_UNEXPLAINED,
@@ -488,16 +489,16 @@ class Locator:
                 track.n_compared = 0
 
     def _estimate_level(self, track: Track) -> None:
-        """Estimate the level of a track by medians, weighted by the precision of level and bearing.
+        """Estimate the level of a track by medians, weighted by the precision of level and direction.
 
         Weak waves that reach the array around equipment come from near the source, but not from one point.
         """
         rows = np.flatnonzero(track.direct > FITTED_PROBABILITY)
         if not rows.size:
             return
-        own = track.compared.take(rows)
-        weight = track.direct[rows] * np.minimum(self._pool.groups.n_pulses[rows], 5)
-        weight /= np.square(own.level_error_db * own.bearing_std_rad)
+        own, groups = track.compared.take(rows), self._pool.groups
+        std_rad = np.hypot(groups.std_rad[rows], EXTRA_STD_RAD)
+        weight = track.direct[rows] * np.minimum(groups.n_pulses[rows], 5) / np.square(own.level_error_db * std_rad)
         mean_db = weighted_median(own.level_db, weight)
         spread_db = 1.4826 * weighted_median(np.abs(own.level_db - mean_db), weight)
         track.level = Level(mean_db, float(np.clip(spread_db, *SPREAD_DB)))

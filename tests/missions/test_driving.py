@@ -13,8 +13,9 @@ from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.robot import RobotConfig
 from pdpatrol.envs.scenario.scenario import RouteConfig, TaskConfig
 from pdpatrol.missions.driving.lidar_stop import STOP_M, free_distance, safe_speed
+from pdpatrol.missions.driving.moving_obstacles import MovingObstacles, Scan
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.collision_guard import BACK_OFF_S, CollisionGuard
+from pdpatrol.missions.policies.collision_guard import BACK_OFF_S, SEEN_S, TOUCHED_S, CollisionGuard, SeenObstacles
 from pdpatrol.missions.policies.make_policy import Random
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy
@@ -189,23 +190,43 @@ class Ahead:
         return np.array([1.0, 0.0], dtype=np.float32)
 
 
-@pytest.mark.parametrize(("left_mps", "is_bump"), [(0.05, True), (0.4, True), (0.55, False)])
-def test_collision_is_mapped_and_backed_off_from(left_mps: float, is_bump: bool) -> None:
-    """An overhang is above the lidar's plane, and meets the mast or the hull, which it stops."""
+@pytest.mark.parametrize(
+    ("left_mps", "yaw_radps", "is_bump"),
+    [
+        (0.05, 0.0, True),
+        (0.4, 0.0, True),
+        (0.55, 0.0, False),
+        (0.75, 0.8, True),
+        (0.75, -0.8, True),
+        (0.75, 0.2, False),
+    ],
+)
+def test_collision_is_mapped_and_backed_off_from(left_mps: float, yaw_radps: float, is_bump: bool) -> None:
+    """An overhang is above the lidar's plane, and meets the mast or the hull, which it stops or turns."""
     env, inner = PatrolEnv(OPEN_YARD, terminate_on_approach=False), Ahead()
     observation, site_map = env.reset(seed=0)[0], SiteMap(OPEN_YARD)
     guard = CollisionGuard(inner)
 
-    def at(speed_mps: float, time_s: float = 0.0) -> Observation:
-        values = {"velocity": [speed_mps, 0.0], "time": [time_s], "lidar": NOTHING}
+    def at(speed_mps: float, time_s: float = 0.0, yaw_radps: float = 0.0) -> Observation:
+        values = {"velocity": [speed_mps, yaw_radps], "time": [time_s], "lidar": NOTHING}
         moving = {name: np.array(value, dtype=np.float32) for name, value in values.items()}
         return {**observation, **moving}  # pyright: ignore[reportReturnType]
 
     guard(at(0.8), [], site_map)
-    guard(at(left_mps), [], site_map)
+    guard(at(left_mps, yaw_radps=yaw_radps), [], site_map)
     assert (guard.phase.name == "back off") == is_bump
     guard(at(0.0, BACK_OFF_S + 0.1), [], site_map)
     ahead_m = inner.obstacles_m - observation["pose"][:2]
     assert bool(len(ahead_m)) == is_bump
     assert np.all((ahead_m[:, 0] > 0.0) & (np.abs(ahead_m[:, 1]) < 0.2))
     assert not is_bump or ahead_m[:, 0].max() > ROBOT.footprint_radius_m - 0.1
+
+
+def test_touched_places_are_kept_although_someone_passes() -> None:
+    """Beams meet a standing obstacle again when someone has left, but never what is above their plane."""
+    seen, moving, plan = SeenObstacles(), MovingObstacles(), SiteMap(OPEN_YARD)
+    seen.add(np.array([[5.0, 5.0]]), 0.0, TOUCHED_S)
+    seen.add(np.array([[5.2, 5.0]]), 0.0, SEEN_S)
+    moving.points_m = np.array([[5.1, 5.0]])
+    seen.scan(Scan(1.0, np.array([2.0, 5.0, 0.0]), NOTHING), plan, moving)
+    np.testing.assert_allclose(seen.on(plan).obstacles_m, [[5.0, 5.0]])
