@@ -16,7 +16,7 @@ from dirmusic.locating.pulse_pool import Groups, choose_evenly
 
 LARGEST_STD_RAD, EXTRA_STD_RAD = np.radians(25.0), np.radians(4.0)
 """Largest standard deviation of a direction that initiates a track, and standard deviation of the errors of array and
-method that is added for the crossing (assumed)."""
+method that is added for the crossing and for the weights of levels (assumed)."""
 
 RECENT_S, SECTOR_RAD, SECTOR_PULSES = 10.0, np.radians(10.0), 6
 """Age, half the width of a sector, and number of pulses in it that initiate a track at once (assumed)."""

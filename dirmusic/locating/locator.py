@@ -546,7 +546,8 @@ class Locator:
         """
         groups, others = self._pool.groups, np.zeros(track.direct.size)
         for other in self._tracks:
-            others += other.direct * (other is not track and other.state == "confirmed")
+            if other is not track and other.state == "confirmed":
+                others += other.direct
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
         is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
