@@ -132,6 +132,7 @@ SHARES = {
     "found (%)": ("n_found", "n_sources"),
     "within 0.3 m (%)": ("n_near", "n_sources"),
     "right site (%)": ("n_right_site", "n_found"),
+    "possibly two (%)": ("n_possibly_two", "n_found"),
     "wrong live (%)": ("n_wrong_confirmations", "n_confirmations"),
 }
 """Shares in a summary, each the ratio of the sums of two columns."""
@@ -185,6 +186,7 @@ def summarise_groups(rows: Frame, *, pool: bool = False) -> list[Summary]:
         - `unfinished`: missions that failed, hung, ran out of memory or died; no other figure includes them
         - `found (%)`, `within 0.3 m (%)`: share of all sources that were found, and found with at most that error
         - `right site (%)`: share of the found sources whose finding names the right site first
+        - `possibly two (%)`: share of the found sources whose finding states that it is possibly two
         - `wrong live (%)`, `wrong live (s)`: share of the findings confirmed at any time, `confirmed live`, that were
           shown at a wrong place for more than 2 s, and the total time of that
         - `bearing RMSE (deg)`: over missions with a single source

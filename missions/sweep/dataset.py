@@ -61,6 +61,7 @@ class MissionRow(NamedTuple):
         log_scores: Minus the logarithms of the stated densities at the found sources.
         site_log_scores: Minus the logarithms of the stated probabilities of the sites of the found sources.
         n_right_site: Number of found sources whose finding names the right site first.
+        n_possibly_two: Number of found sources whose finding states that it is possibly two.
         confirmed_s: Time of the first right confirmation of each source that ever had one, found at the end or not.
         ospa_m: OSPA distance between findings and sources.
         n_confirmations: Number of findings that were confirmed at any time.
@@ -104,6 +105,7 @@ class MissionRow(NamedTuple):
     log_scores: tuple[float, ...] = ()
     site_log_scores: tuple[float, ...] = ()
     n_right_site: int = 0
+    n_possibly_two: int = 0
     confirmed_s: tuple[float, ...] = ()
     ospa_m: float | None = None
     n_confirmations: int = 0
@@ -134,6 +136,7 @@ class MissionRow(NamedTuple):
         report = make_report(log, wall_time_s, inspect_sites(log))
         scores, step = report.scores, log.table("step")
         sources, matches = scores.sources, scores.matches
+        possibly_two = {finding.id for finding in report.findings if finding.possibly_two}
         confirmed_s = tuple(source.confirmed_s for source in sources if source.confirmed_s is not None)
         driven_m, found_all_m = distances_along(step["true_pose"]), None
         if sources and len(matches) == len(confirmed_s) == len(sources):
@@ -153,6 +156,7 @@ class MissionRow(NamedTuple):
             log_scores=tuple(match.log_score for match in matches),
             site_log_scores=tuple(match.site_log_score for match in matches),
             n_right_site=sum(match.right_site for match in matches),
+            n_possibly_two=sum(match.finding_id in possibly_two for match in matches),
             confirmed_s=confirmed_s,
             ospa_m=scores.ospa_m,
             n_confirmations=scores.confirmations,

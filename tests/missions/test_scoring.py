@@ -15,6 +15,8 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import FindingRecord, Report, Scores, SiteInspection, SiteInspections
 from pdpatrol.missions.report.scoring import pair_findings
 from pdpatrol.missions.report.tables import candidates_table, findings_table
+from pdpatrol.missions.sweep.dataset import MissionRow
+from pdpatrol.missions.sweep.plan import make_plan
 from tests.missions.report.logs import add_finding, empty_log
 
 SITE, OTHER = "transformer_1/tank_south", "ct_1/head"
@@ -158,6 +160,15 @@ def test_all_clear_is_false_if_a_stated_source_was_not_found() -> None:
     withdrawn = shown(log_of(SITE_M), (50, "confirmed", SITE_M), (60, "candidate", SITE_M))
     assert scored(withdrawn, (SITE,)).false_all_clears == (SITE,)
     assert make_report(log_of(SITE_M), 0.0).scores.false_all_clears is None
+
+
+@pytest.mark.parametrize("possibly_two", [False, True])
+def test_row_counts_the_found_sources_that_are_possibly_two(possibly_two: bool) -> None:
+    log = log_of(SITE_M)
+    add_finding(log, 99, 1, "confirmed", tuple(SITE_M), possibly_two=possibly_two)
+    add_finding(log, 99, 2, "candidate", tuple(SITE_M + 0.5), possibly_two=True)
+    row = MissionRow.of_log(make_plan(["one_source"], ["seek"], {}, [0]).jobs[0], log, 0.0, 0.0)
+    assert (row.n_found, row.n_possibly_two) == (1, possibly_two)
 
 
 def finding(x: float, y: float, spread_m: float = 0.1, number: int = 1, **shown: object) -> FindingRecord:
