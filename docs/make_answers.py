@@ -100,8 +100,9 @@ def accuracy() -> str:
         f"{values['found (%)']} % of the discharges with a median position error of {values['median error (m)']} m, "
         f"and reported {values['false']} discharges that do not exist.**"
     )
-    lines = [[part, *(each[heading] for heading in headings)] for part, each in texts.items()]
-    return f"{sentence}\n\n{markdown(['part of the suite', *headings], lines)}"
+    commits = {part: Dataset(DOCS / "results" / name).manifest.commit[:8] for part, name in parts.items()}
+    lines = [[part, commits[part], *(each[heading] for heading in headings)] for part, each in texts.items()]
+    return f"{sentence}\n\n{markdown(['part of the suite', 'commit', *headings], lines)}"
 
 
 def levels_table() -> str:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from pdpatrol.envs.scenario.loader import scenario_schema
 from pdpatrol.missions.cli import GROUPS, module_of
-from pdpatrol.missions.cli.arguments import call_verb
+from pdpatrol.missions.cli.arguments import call_command
 from pdpatrol.missions.sweep.tables import markdown
 
 FOLDER = Path(__file__).parent / "reference"
@@ -163,16 +163,16 @@ def commands_page() -> str:
     """Return the page of the help texts of all commands."""
     os.environ |= {"COLUMNS": "110", "NO_COLOR": "1", "TERM": "dumb"}
     parts = [COMMANDS_INTRODUCTION]
-    for verb, about in (item for verbs in GROUPS.values() for item in verbs.items()):
-        parts.append(f"\n## {verb}\n\n{about[0].upper()}{about[1:]}.\n\n```text\n{_help(verb)}```\n")
+    for command, about in (item for commands in GROUPS.values() for item in commands.items()):
+        parts.append(f"\n## {command}\n\n{about[0].upper()}{about[1:]}.\n\n```text\n{_help(command)}```\n")
     return "".join(parts)
 
 
-def _help(verb: str) -> str:
+def _help(command: str) -> str:
     """Return the help text of a command, without the frames that a terminal shows."""
-    module = import_module(f"pdpatrol.missions.cli.{module_of(verb)}")
+    module = import_module(f"pdpatrol.missions.cli.{module_of(command)}")
     with redirect_stdout(StringIO()) as shown, suppress(SystemExit):
-        call_verb(getattr(module, module_of(verb)), ["--help"])
+        call_command(getattr(module, module_of(command)), ["--help"])
     lines = [re.sub(r"^[│╭╰][ ─]?|[ ─]*[│╮╯]?$", "", line).rstrip() for line in shown.getvalue().splitlines()]
     lines = [part for line in lines for part in ([line] if line[:1] in ("", " ") else textwrap.wrap(line, 110))]
     return "\n".join(lines).strip() + "\n"

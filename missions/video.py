@@ -30,32 +30,32 @@ from pdpatrol.robot_models.rendering import View, pictures_from_behind, pictures
 from pdpatrol.robot_models.world import build_spec
 
 CLIP_S = 20.0
-"""Duration of a film at its default pace."""
+"""Duration of a video at its default pace."""
 
 OPENING_S, STILL_S, CARD_S = 1.5, 1.5, 4.0
-"""Durations of the view of the whole yard, of the last frame, and of the closing card in a film."""
+"""Durations of the view of the whole yard, of the last frame, and of the closing card in a video."""
 
 MAX_BEARINGS = 10
 """Largest number of bearings drawn at once."""
 
 
-def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callable[[float], None]) -> None:
-    """Write a film of a mission.
+def write_video(log: MissionLog, path: Path, pace: float | None, progress: Callable[[float], None]) -> None:
+    """Write a video of a mission.
 
     Args:
         log: Log of a simulated mission.
         path: File to write; its name ends in .mp4 or .gif.
-        pace: Simulated seconds per second of the film; None for a film of about 20 s.
+        pace: Simulated seconds per second of the video; None for a video of about 20 s.
         progress: Function called with the finished share.
 
     Raises:
         ValueError: If the log has no step or is not of a simulated mission.
         ImportError: If imageio is missing.
-        OSError: If FFmpeg or OpenGL is missing, or the film cannot be written.
+        OSError: If FFmpeg or OpenGL is missing, or the video cannot be written.
     """
     time_s = log.column("step", "time_s")
     if "truth" not in log.meta or time_s.size == 0:
-        raise ValueError("the log is not of a simulated mission; only a robot in its yard can be filmed")
+        raise ValueError("the log is not of a simulated mission; only a robot in its yard can be shown in a video")
     from imageio.v2 import get_writer  # an optional dependency
 
     kind, rate = path.suffix.lower(), 10
@@ -64,11 +64,11 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
     steps = np.append(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], frame_s)), time_s.size - 1)
     options: dict[str, Any] = {"duration": 1000 / rate, "loop": 0} if kind == ".gif" else {"fps": rate}
     with TemporaryDirectory() as folder:  # the encoder chooses the format by the file name
-        file = Path(folder) / f"film{kind}"
+        file = Path(folder) / f"video{kind}"
         writer: Any
         try:
             with get_writer(file, **options) as writer:
-                frames = film_frames(log, steps, max(frame_s, 1.5), dpi=dpi)
+                frames = video_frames(log, steps, max(frame_s, 1.5), dpi=dpi)
                 for number, image in enumerate(frames):
                     shown_s = {0: OPENING_S, steps.size: STILL_S}.get(number, 1 / rate)
                     for _ in range(round(shown_s * rate)):
@@ -83,7 +83,7 @@ def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callab
             shutil.copyfile(file, temporary)
 
 
-def film_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) -> Iterator[NDArray[np.uint8]]:
+def video_frames(log: MissionLog, steps: IntArray, bearing_s: float, dpi: int) -> Iterator[NDArray[np.uint8]]:
     """Yield the pixels of each frame, shape (height, width, 3); the first shows the whole yard.
 
     Args:

@@ -40,8 +40,8 @@ def sequences() -> list[list[str]]:
     """Group the commands: each alone, except those that read the output of another."""
     found: dict[str, list[str]] = {}
     for command in commands():
-        verb = command.removeprefix("uv run pdpatrol ").split()[0]
-        before = f"uv run pdpatrol {FOLLOWS[verb]}" if verb in FOLLOWS else command
+        name = command.removeprefix("uv run pdpatrol ").split()[0]
+        before = f"uv run pdpatrol {FOLLOWS[name]}" if name in FOLLOWS else command
         found.setdefault(next((first for first in found if first.startswith(before)), command), []).append(command)
     return list(found.values())
 

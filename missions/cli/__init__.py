@@ -1,4 +1,4 @@
-"""The command `pdpatrol`: one module per verb, imported only when the verb is used."""
+"""The program `pdpatrol`: one module per command, imported only when it is used."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ __all__ = ["main"]
 GROUPS = {
     "Missions": {
         "run": "run one mission and write its log, report and recording",
-        "replay": "open recordings in the Rerun viewer, or make a film",
+        "replay": "open recordings in the Rerun viewer, or make a video",
         "report": "write the report of a mission again from its log",
         "export": "convert a mission to CSV, GeoJSON, Parquet and MCAP, or a yard to GeoJSON",
         "trend": "compare repeated inspections of one yard",
@@ -37,50 +37,50 @@ GROUPS = {
         "reproduce": "compare every exhibit of the Dir-MUSIC paper with ours",
     },
 }
-"""Verbs and their help texts, by group; each verb is a function in a module, both named by `module_of`."""
+"""Commands and their help texts, by group; each command is a function in a module, both named by `module_of`."""
 
-VERBS = tuple(verb for verbs in GROUPS.values() for verb in verbs)
+COMMANDS = tuple(command for commands in GROUPS.values() for command in commands)
 
 
 def main() -> None:
     """Run the command line."""
     with command_process():
-        verb, *arguments = sys.argv[1:] or ["--help"]
-        if verb in ("-h", "--help"):
+        command, *arguments = sys.argv[1:] or ["--help"]
+        if command in ("-h", "--help"):
             sys.stdout.write(_help())
-        elif verb == "--version":
+        elif command == "--version":
             sys.stdout.write(f"pdpatrol {version('pdpatrol')}\n")
-        elif verb not in VERBS:
-            matches = get_close_matches(verb, VERBS, n=1)
+        elif command not in COMMANDS:
+            matches = get_close_matches(command, COMMANDS, n=1)
             meant = f"; did you mean {matches[0]}?" if matches else ""
-            print_error(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}")
+            print_error(f"command must be one of {', '.join(COMMANDS)}, got {command!r}{meant}")
             sys.exit(USAGE_ERROR)
         else:
-            draws = verb in ("run", "locate", "report") or any(word.startswith("--video") for word in arguments)
+            draws = command in ("run", "locate", "report") or any(word.startswith("--video") for word in arguments)
             if draws and sys.platform == "linux" and find_library("EGL"):
                 os.environ.setdefault("MUJOCO_GL", "egl")  # to render without a screen; MuJoCo reads it when imported
             # Imported here because it takes a second and `pdpatrol --help` does not need it.
-            from pdpatrol.missions.cli.arguments import call_verb
+            from pdpatrol.missions.cli.arguments import call_command
 
-            call_verb(getattr(import_module(f"{__name__}.{module_of(verb)}"), module_of(verb)), arguments)
+            call_command(getattr(import_module(f"{__name__}.{module_of(command)}"), module_of(command)), arguments)
 
 
-def module_of(verb: str) -> str:
-    """Return the name of the module of a verb, and of its function."""
-    return "import_site" if verb == "import" else verb
+def module_of(command: str) -> str:
+    """Return the name of the module of a command, and of its function."""
+    return "import_site" if command == "import" else command
 
 
 def _help() -> str:
     lines = [
-        "usage: pdpatrol VERB [OPTIONS]",
+        "usage: pdpatrol COMMAND [OPTIONS]",
         "",
         "A simulated inspection robot that finds partial discharges in a substation.",
     ]
-    for group, verbs in GROUPS.items():
-        lines += ["", f"{group}:", *(f"  {verb:<11}{text}" for verb, text in verbs.items())]
+    for group, commands in GROUPS.items():
+        lines += ["", f"{group}:", *(f"  {command:<11}{text}" for command, text in commands.items())]
     lines += [
         "",
-        "  --help     show this text; pdpatrol VERB --help lists the options of a verb",
+        "  --help     show this text; pdpatrol COMMAND --help lists the options of a command",
         "  --version  show the version",
     ]
     return "".join(f"{wrapped(line, hanging=13 if line.startswith('  ') else 0)}\n" for line in lines)

@@ -1,4 +1,4 @@
-"""Arguments of a verb, parsed by tyro and checked by pydantic, and the options that several verbs have."""
+"""Arguments of a command, parsed by tyro and checked by pydantic, and the options that several commands have."""
 
 import inspect
 import re
@@ -37,8 +37,8 @@ JsonOutput = Annotated[bool, tyro.conf.arg(name="json", help_behavior_hint="")]
 Settings = Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="set", metavar="KEY=VALUES")]
 
 
-def call_verb(function: Callable[..., None], arguments: Sequence[str]) -> None:
-    """Parse arguments and call the function of a verb.
+def call_command(function: Callable[..., None], arguments: Sequence[str]) -> None:
+    """Parse arguments and call the function of a command.
 
     Invalid input prints one line per error and exits with status 2.
     """
@@ -54,12 +54,12 @@ def call_verb(function: Callable[..., None], arguments: Sequence[str]) -> None:
 
 
 def parse_arguments(function: Callable[..., None], arguments: Sequence[str]) -> Callable[[], None]:
-    """Return the call of the function of a verb that arguments state; print its help and exit if they ask for it.
+    """Return the call of the function of a command that arguments state; print its help and exit if they ask for it.
 
     Arguments that do not fit print one line per error and exit with status 2.
     """
 
-    def bind(*values: Any, **options: Any) -> Callable[[], None]:  # noqa: ANN401 - the arguments of any verb
+    def bind(*values: Any, **options: Any) -> Callable[[], None]:  # noqa: ANN401 - the arguments of any command
         return partial(function, *values, **options)
 
     # not by functools.wraps: tyro would read the docstring of the function, and keep the line breaks of arguments

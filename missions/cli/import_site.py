@@ -52,4 +52,4 @@ def import_site(
     say(f"{target}: {yard.size_m[0]:g} x {yard.size_m[1]:g} m, {in_words}")
 
 
-import_site.__name__ = "import"  # the verb, which is not a name in Python
+import_site.__name__ = "import"  # the command, which is not a name in Python

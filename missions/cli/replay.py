@@ -15,7 +15,7 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.missions.sweep.dataset import Dataset
 from pdpatrol.missions.sweep.plan import digest_of_code
-from pdpatrol.missions.video import write_film
+from pdpatrol.missions.video import write_video
 
 
 def replay(
@@ -42,9 +42,9 @@ def replay(
         port: Port of the page of --web; its data come from the next port. Default: two free ports.
         screenshot: Write a picture of the viewer instead, without opening it; no screen is needed.
         at: Simulated time that the picture shows. Default: the end.
-        video: Write a film instead: the robot as it drives, next to the plan at that time, and a closing card.
+        video: Write a video instead: the robot as it drives, next to the plan at that time, and a closing card.
             MP4 needs ffmpeg, or the extra `video`.
-        pace: Simulated seconds per second of the film. Default: the film lasts 20 s.
+        pace: Simulated seconds per second of the video. Default: the video lasts 20 s.
     """
     n_missions = max(len(row), len(folders))
     if not folders:
@@ -68,10 +68,10 @@ def replay(
         folders = tuple(_run_again(sweep, number) for number in row for sweep in folders)
     logs = [MissionLog.load(folder) for folder in folders]
     if video is not None:
-        _film(logs[0], video, pace)
+        _make_video(logs[0], video, pace)
         if screenshot is None:
             return
-    # imported here, because a film does not need Rerun
+    # imported here, because a video does not need Rerun
     from pdpatrol.missions.recording import open_viewer, serve, take_screenshot, write_recording
 
     recordings = [folder / "mission.rrd" for folder in folders]
@@ -89,12 +89,12 @@ def replay(
         open_viewer(recordings)
 
 
-def _film(log: MissionLog, video: Path, pace: float | None) -> None:
-    """Write a film of a mission."""
+def _make_video(log: MissionLog, video: Path, pace: float | None) -> None:
+    """Write a video of a mission."""
     with progress_bar() as progress:
-        bar = progress.add_task("film", total=1.0)
+        bar = progress.add_task("video", total=1.0)
         try:
-            write_film(log, video, pace, lambda share: progress.update(bar, completed=share))
+            write_video(log, video, pace, lambda share: progress.update(bar, completed=share))
         except ValueError as error:
             refuse(f"--video: {error}")
     say(f"Written: {video}")

@@ -1,4 +1,4 @@
-"""Terminal output, error exits and output folders of all verbs."""
+"""Terminal output, error exits and output folders of all commands."""
 
 import sys
 from collections.abc import Iterator

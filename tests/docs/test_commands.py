@@ -157,10 +157,10 @@ HELP = sections(PAGES["reference/commands.md"])
 
 
 @pytest.mark.parametrize("name", [name for name, text in PAGES.items() if "pdpatrol " in "".join(blocks("sh", text))])
-def test_commands_have_the_verbs_and_options_of_the_command_line(name: str) -> None:
-    for verb, rest in re.findall(r"pdpatrol (\w+)(.*)", "\n".join(blocks("sh", PAGES[name])).replace("\\\n", " ")):
-        unknown = [option for option in re.findall(r" (--[\w-]+)", rest) if f" {option} " not in f"{HELP[verb]} "]
-        assert unknown == [], f"{verb}{rest}"
+def test_commands_on_pages_exist_with_their_options(name: str) -> None:
+    for command, rest in re.findall(r"pdpatrol (\w+)(.*)", "\n".join(blocks("sh", PAGES[name])).replace("\\\n", " ")):
+        unknown = [option for option in re.findall(r" (--[\w-]+)", rest) if f" {option} " not in f"{HELP[command]} "]
+        assert unknown == [], f"{command}{rest}"
 
 
 def sweeps() -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pdpatrol.envs.scenario.loader import scenario_schema
-from pdpatrol.missions.cli import VERBS
+from pdpatrol.missions.cli import COMMANDS
 from tests.docs.site import ROOT
 
 DOCS = ROOT / "docs"
@@ -42,6 +42,6 @@ def test_page_of_commands_has_the_help_of_every_command(made: dict[str, Any], mo
     for name in ("COLUMNS", "NO_COLOR", "TERM"):
         monkeypatch.setenv(name, "")  # restored after the page has set them
     assert page("commands.md") == made["commands.md"](), "run docs/make_reference.py"
-    assert re.findall("^## (.*)$", page("commands.md"), re.MULTILINE) == list(VERBS)
+    assert re.findall("^## (.*)$", page("commands.md"), re.MULTILINE) == list(COMMANDS)
     breaks = "line breaks of docstrings stay before lines that do not begin with a letter"
     assert re.findall(r"^(?:`(?!``)|\[).*$", page("commands.md"), re.MULTILINE) == [], breaks

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pdpatrol.missions.cli import VERBS
+from pdpatrol.missions.cli import COMMANDS
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import Report
 from tests.envs.helpers import write_yard
@@ -28,11 +28,11 @@ def short(tmp_path: Path) -> Path:
     return write_yard(tmp_path, "[task]\ntime_limit_s = 4.0", to="short")
 
 
-def test_help_lists_the_verbs(tmp_path: Path) -> None:
+def test_help_lists_the_commands(tmp_path: Path) -> None:
     done = pdpatrol("--help", cwd=tmp_path)
     assert done.returncode == 0
-    assert "usage: pdpatrol VERB" in done.stdout
-    assert all(f"\n  {verb} " in done.stdout for verb in VERBS)
+    assert "usage: pdpatrol COMMAND" in done.stdout
+    assert all(f"\n  {command} " in done.stdout for command in COMMANDS)
 
 
 def test_version_is_that_of_the_package(tmp_path: Path) -> None:
@@ -97,11 +97,11 @@ def test_json_is_the_report_and_nothing_else(short: Path, tmp_path: Path, capsys
     assert_times_add_up(printed.err, "policy", "environment", "locating", "log, report and recording")
 
 
-@pytest.mark.parametrize("verb", ["run", "scenarios"])
-def test_errors_of_a_scenario_are_one_line_each(verb: str, short: Path, tmp_path: Path, refused: Refused) -> None:
+@pytest.mark.parametrize("command", ["run", "scenarios"])
+def test_errors_of_a_scenario_are_one_line_each(command: str, short: Path, tmp_path: Path, refused: Refused) -> None:
     text = short.read_text(encoding="utf-8").replace("gain_error = 0.05", "gain_error = -0.05\ncolour = 1")
     short.write_text(text, encoding="utf-8")
-    lines = refused(verb, "short.toml", cwd=tmp_path)
+    lines = refused(command, "short.toml", cwd=tmp_path)
     assert len(lines) == 2
     assert all(line.startswith("short.toml: array.") for line in lines)
     assert [path.name for path in tmp_path.iterdir()] == ["short.toml"]
@@ -115,8 +115,8 @@ def test_implausible_scenario_is_noted_and_used(
     assert "no errors" in capsys.readouterr().out
     text = short.read_text(encoding="utf-8").replace("[[sources]]", "[[sources]]\nactive_s = [100.0, 200.0]")
     short.write_text(text, encoding="utf-8")
-    for verb in ("run", "scenarios"):
-        call(verb, "short.toml")
+    for command in ("run", "scenarios"):
+        call(command, "short.toml")
         (note,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
         assert note.endswith("does not discharge within the mission")
 

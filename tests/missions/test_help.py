@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from pdpatrol.missions.cli import VERBS
+from pdpatrol.missions.cli import COMMANDS
 from pdpatrol.missions.cli.terminal import say
 from tests.missions.conftest import Refused, call
 from tests.processes import PDPATROL
@@ -23,20 +23,20 @@ def words(text: str) -> set[str]:
     return {word for word in re.split(r"[\s,]+", text) if word.strip("-")}
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_every_verb_fits_the_width(
-    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown = dict[int, str]()
     for width in (5000, *WIDTHS):
         monkeypatch.setenv("COLUMNS", str(width))
         with pytest.raises(SystemExit) as ended:
-            call(verb, "--help")
+            call(command, "--help")
         assert ended.value.code == 0
         shown[width] = capsys.readouterr().out
         assert max(map(len, shown[width].splitlines())) <= width
         assert words(shown[width]) == words(shown[5000])
-    assert shown[80].startswith(f"usage: pdpatrol {verb} ")
+    assert shown[80].startswith(f"usage: pdpatrol {command} ")
     assert not re.search(r"None|STR|\{\[|default: \)", shown[80])
 
 
@@ -46,7 +46,7 @@ def test_bare_command_prints_a_short_help(width: int, tmp_path: Path) -> None:
     done = subprocess.run([PDPATROL], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     assert max(map(len, done.stdout.splitlines())) <= width
     assert len(done.stdout.splitlines()) <= 45
-    assert re.findall(r"^  ([a-z]+) ", done.stdout, flags=re.MULTILINE) == list(VERBS)
+    assert re.findall(r"^  ([a-z]+) ", done.stdout, flags=re.MULTILINE) == list(COMMANDS)
 
 
 def on_terminal(words: list[str], width: int, cwd: Path) -> str:

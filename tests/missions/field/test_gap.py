@@ -9,7 +9,7 @@ import pytest
 
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario import load_scenario
-from pdpatrol.missions.cli.arguments import call_verb
+from pdpatrol.missions.cli.arguments import call_command
 from pdpatrol.missions.cli.gap import gap
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.gap.compare import Gap, compare, survey_of
@@ -119,7 +119,7 @@ def test_gap_writes_a_scenario_that_loads(tmp_path: Path) -> None:
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Return the only line that the command prints before it ends with status 2."""
     with pytest.raises(SystemExit) as ended:
-        call_verb(gap, arguments)
+        call_command(gap, arguments)
     assert ended.value.code == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     return line

@@ -108,10 +108,10 @@ def test_web_viewer_uses_the_requested_port_or_refuses_it(missions: Path) -> Non
 
 @NEEDS_SCREEN
 @pytest.mark.filterwarnings("default")  # psutil leaves files open if a process ends while it is inspected
-@pytest.mark.parametrize("verb", ["replay", "run"])
-def test_native_viewer_listens_on_this_machine_alone(verb: str, missions: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["replay", "run"])
+def test_native_viewer_listens_on_this_machine_alone(command: str, missions: Path, tmp_path: Path) -> None:
     arguments = {"replay": ("replay", "zero", "eins und zwei"), "run": ("run", "--live", "--out", str(tmp_path / "m"))}
-    with started(*arguments[verb], cwd=missions, on_screen=True) as process:
+    with started(*arguments[command], cwd=missions, on_screen=True) as process:
         deadline = time.monotonic() + 60.0
         while not listening(below(process.pid)) and time.monotonic() < deadline:
             time.sleep(0.2)
