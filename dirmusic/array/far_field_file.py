@@ -20,6 +20,10 @@ FLAGS = re.IGNORECASE | re.MULTILINE
 NEC, FEKO, CST = r"RADIATION PATTERNS", r'^#.*"Theta".*', r"^//.*Phi,\s*Theta,"
 """Lines before the rows of a block."""
 
+SAME_GAIN_DB, LEAST_COMPARED = 0.5, 0.01
+"""Largest difference of gains that a file has for one direction, and gain relative to the largest one above which they
+are compared. Assumed: simulators repeat directions where cuts meet, with equal gains."""
+
 STEP_DEG = 5.0
 """Step in azimuth and elevation of a pattern that is turned from the z axis to the boresight. Cubic interpolation of a
 lobe 50 degrees wide is accurate to 0.001."""
@@ -48,11 +52,21 @@ def _rows_after(text: str, n_cells: int) -> FloatArray:
         cells = re.split(r"[\s,;]+", line.strip())[:n_cells]
         if len(cells) == n_cells and all(re.fullmatch(NUMBER, cell) for cell in cells):
             rows.append([float(cell) for cell in cells])
-        elif rows:
+        elif rows and line.strip():
             break
     if not rows:
         raise ValueError(f"must have rows of {n_cells} numbers")
     return np.array(rows)
+
+
+def _numbers(rows: list[list[str]], n_rows: int, n_cells: int) -> FloatArray:
+    """Convert rows of cells to an array of this shape."""
+    for row in rows:
+        if len(row) != n_cells or not all(re.fullmatch(NUMBER, cell) for cell in row):
+            raise ValueError(f"must have rows of {n_cells} numbers, got {' '.join(row)[:40]!r}")
+    if len(rows) != n_rows:
+        raise ValueError(f"must have {n_rows} rows of {n_cells} numbers, got {len(rows)}")
+    return np.array(rows, dtype=np.float64)
 
 
 def _last_before(text: str, pattern: str, at: int) -> float:
@@ -97,20 +111,22 @@ def _cst(text: str) -> Iterator[FarField]:
 
 def _hfss(text: str) -> Iterator[FarField]:
     """Yield the blocks of HFSS: ranges of theta and phi, then for each frequency rows of the field; phi runs first."""
-    first, second, _, *rest = [line.split() for line in text.splitlines() if line.strip()]
-    if int(first[-1]) * int(second[-1]) > len(rest):
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    (theta_range, phi_range), n_frequencies, rest = _numbers(lines[:2], 2, 3), int(lines[2][1]), lines[3:]
+    if theta_range[2] * phi_range[2] > len(rest):
         raise ValueError("must have a row for each direction")
-    theta_deg, phi_deg = (np.linspace(float(a), float(b), int(n)) for a, b, n in (first, second))
+    theta_deg, phi_deg = (np.linspace(a, b, int(n)) for a, b, n in (theta_range, phi_range))
     n, (theta, phi) = theta_deg.size * phi_deg.size, np.meshgrid(theta_deg, phi_deg, indexing="ij")
-    while rest:
-        (_, frequency), rows, rest = rest[0], rest[1 : n + 1], rest[n + 1 :]
-        field = np.array(rows, dtype=np.float64)
-        if field.shape != (n, 4):
-            raise ValueError(f"must have {n} rows of 4 numbers for each frequency")
-        yield FarField(float(frequency), theta.ravel(), phi.ravel(), _magnitude(field))
+    for k in range(n_frequencies):
+        head, *rows = rest[k * (n + 1) : (k + 1) * (n + 1)] or [[]]
+        if len(head) != 2 or not re.fullmatch(NUMBER, head[1]):
+            raise ValueError(
+                f"must have {n_frequencies} blocks that begin with their frequency, got {' '.join(head)[:40]!r}"
+            )
+        yield FarField(float(head[1]), theta.ravel(), phi.ravel(), _magnitude(_numbers(rows, n, 4)))
 
 
-TICRA_HEAD = rf"^\s*({NUMBER})\s+({NUMBER})\s+(\d+)\s+({NUMBER})\s+(\d+)\s+([12])\s+([23])\s*$"
+TICRA_HEAD = r"^[ \t]*{0}[ \t]+{0}[ \t]+(\d+)[ \t]+{0}[ \t]+(\d+)[ \t]+([12])[ \t]+([23])[ \t]*$".format(f"({NUMBER})")
 """First value, step and number of values; the constant angle; polarisation; whether phi (1) or theta (2) is constant;
 and number of components."""
 
@@ -127,9 +143,10 @@ def _ticra(text: str) -> Iterator[FarField]:
             n, polarisation, cut, n_components = (int(head[i]) for i in (3, 5, 6, 7))
             if polarisation > 5:
                 raise ValueError(f"line {k + 1}: ICOMP must be 1 to 5, got {polarisation}")
-            field = np.array([row.split() for row in lines[k + 1 : k + 1 + n]], dtype=np.float64)
-            if field.shape != (n, 2 * n_components):
-                raise ValueError(f"line {k + 1}: must be followed by {n} rows of {2 * n_components} numbers")
+            try:
+                field = _numbers([row.split() for row in lines[k + 1 : k + 1 + n]], n, 2 * n_components)
+            except ValueError as error:
+                raise ValueError(f"after line {k + 1}: {error}") from None
             along, fixed = start + step * np.arange(n), np.full(n, constant)
             cuts.append(np.stack([*((along, fixed) if cut == 1 else (fixed, along)), _magnitude(field[:, :4])]))
     theta_deg, phi_deg, gain = np.concatenate(cuts, axis=1)
@@ -203,6 +220,9 @@ def _on_grid(theta_deg: FloatArray, phi_deg: FloatArray, gain: FloatArray) -> tu
 
     Returns:
         Azimuths in [0, 360), elevations, and gains, shape (n_azimuths, n_elevations).
+
+    Raises:
+        ValueError: If directions are missing, or have different gains.
     """
     turned_deg = np.where(np.mod(theta_deg, 360.0) > 180.0, 180.0, 0.0)  # negative theta is beyond the z axis
     theta = np.round(np.abs(np.mod(theta_deg + 180.0, 360.0) - 180.0), 6)
@@ -217,10 +237,27 @@ def _on_grid(theta_deg: FloatArray, phi_deg: FloatArray, gain: FloatArray) -> tu
     for end in (0, -1):
         if abs(elevation_deg[end]) == 90.0:  # all phi are one direction
             total[:, end], count[:, end] = total[:, end].sum(), count[:, end].sum()
+    least, most = np.full(shape, np.inf), np.zeros(shape)
+    np.minimum.at(least, (column, row), gain)
+    np.maximum.at(most, (column, row), gain)
+    differ = np.argwhere(
+        (most > least * 10 ** (SAME_GAIN_DB / 20)) & (most > LEAST_COMPARED * gain.max()) & (count > 0)
+    )
+    if differ.size:
+        i, j = differ[0]
+        direction = f"theta {90.0 - elevation_deg[j]:g}, phi {azimuth_deg[i]:g} degrees"
+        raise ValueError(f"{direction} has several gains: keep the blocks of one antenna and port")
     missing = np.argwhere(count == 0.0)
     if missing.size:
         i, j = missing[0]
         raise ValueError(f"theta {90.0 - elevation_deg[j]:g}, phi {azimuth_deg[i]:g} degrees is missing")
+    steps_deg = np.diff(azimuth_deg, append=azimuth_deg[0] + 360.0)
+    widest = int(steps_deg.argmax())
+    if steps_deg[widest] > 1.5 * np.median(steps_deg):
+        from_deg = azimuth_deg[widest]
+        raise ValueError(
+            f"phi must have equal steps, got none from {from_deg:g} to {from_deg + steps_deg[widest]:g} degrees"
+        )
     return azimuth_deg.astype(np.float64), elevation_deg.astype(np.float64), total / count
 
 

@@ -102,7 +102,7 @@ def _messages(path: Path, topics: tuple[str, str]) -> Iterator[tuple[str, int, M
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 stamp_ns = 0 if stamp is None else stamp.sec * 10**9 + stamp.nanosec
                 yield connection.topic, stamp_ns or recorded_ns, message
-    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
+    except (AnyReaderError, OSError, ValueError, TypeError, KeyError, AssertionError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputFileError([f"{path}: must be an MCAP file or a rosbag2 folder ({reason:.200})"]) from None
 

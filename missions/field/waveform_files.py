@@ -59,6 +59,7 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
     read = lru_cache(maxsize=len(columns))(read_record)
     names = list(zip(*(table.columns[column].tolist() for column in columns), strict=True))
     segments = table.columns["segment"].tolist() if "segment" in table.columns else [None] * len(names)
+    _check_names(table, names)
     found, shape = list[RecordPulses](), (0, 0.0)
     for row, (of_row, segment) in enumerate(zip(names, segments, strict=True)):
         try:
@@ -77,7 +78,26 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
     rails = dict(zip(unique, Extremes.rails(list(unique.values())), strict=True))
     if not any(len(each.energy_v2) for each in found):
         raise InputFileError([f"{table.path}: no waveform holds a pulse above the noise"])
-    return _strengths(found, noise_v2, [rails[key] for key in keys], round(gate_s * shape[1]), noise_v)
+    pulses = _strengths(found, noise_v2, [rails[key] for key in keys], round(gate_s * shape[1]), noise_v)
+    if n_repeated := len(keys) - len(unique):
+        note = f"{counted(n_repeated, 'row')} with the waveforms of an earlier row: check the names of the files"
+        pulses = pulses._replace(notes=(*pulses.notes, note))
+    return pulses
+
+
+def _check_names(table: InputTable, names: list[tuple[str, ...]]) -> None:
+    """Check that each channel of a row has a file of its own.
+
+    Raises:
+        InputFileError: If a row names one file twice.
+    """
+    errors = list[str]()
+    for line, of_row in zip(table.lines.tolist(), names, strict=True):
+        if repeated := [name for name in of_row if of_row.count(name) > 1]:
+            text = f"must have a different file for each channel, got {repeated[0]:.60} twice"
+            errors.append(f"{table.path}: line {line}: {text}")
+    if errors:
+        raise InputFileError(errors)
 
 
 def _record_of_row(
@@ -104,7 +124,10 @@ def _pulses_of_record(
 ) -> RecordPulses:
     """Find the pulses of a record that must have the number of channels and the sample rate `shape`."""
     if record.samples.shape[1] != shape[0] or abs(record.sample_rate_hz / shape[1] - 1) > 0.01:
-        raise ValueError(f"must have {shape[0]} channels at {shape[1]:g} Hz as the first file")
+        raise ValueError(
+            f"must have {shape[0]} channels at {shape[1]:g} Hz as the first file, got {record.samples.shape[1]} at "
+            f"{record.sample_rate_hz:g} Hz"
+        )
     if not 1e6 <= shape[1] <= 1e12:  # pulses last for nanoseconds
         raise ValueError(f"sample_rate_hz must be from 1e+06 to 1e+12, got {shape[1]:g}")
     n_gate, n_samples = round(gate_s * shape[1]), record.samples.shape[2]

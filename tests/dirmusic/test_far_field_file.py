@@ -132,7 +132,15 @@ def test_far_field_is_read_as_simulated(
         (cst, "// Radiated/Accepted/Stimulated Power , Frequency", "// Power", "must list 2 frequencies"),
         (feko, "#Frequency:", "#F:", "far field of FEKO: must state the frequency"),
         (nec, "  90.00  40.00  ", "  90.00  x  ", "far field of NEC: theta 170, phi 40 degrees is missing"),
-        (hfss, "Frequency 1500000000\n", "", "far field of HFSS: "),
+        (
+            hfss,
+            "Frequency 1500000000\n",
+            "",
+            "far field of HFSS: must have rows of 4 numbers|that begin with their frequency",
+        ),
+        (hfss, "Frequencies 2", "Frequencies 3", "must have 3 blocks that begin with their frequency"),
+        (nec, "  120.00  ", "  x  ", "has a gap of 360"),
+        (nec, "MHz", "MHz\n FREQUENCY : 1.0 MHz", "several gains: keep the blocks of one antenna and port"),
         (ticra, "    3    1    2", "    9    1    2", "ICOMP must be 1 to 5, got 9"),
     ],
 )
@@ -141,4 +149,11 @@ def test_incomplete_far_field_is_refused(
 ) -> None:
     (tmp_path / "field.txt").write_text("".join(write(along_x)).replace(old, new))
     with pytest.raises(InputFileError, match=message):
+        read_any_pattern(tmp_path / "field.txt")
+
+
+def test_far_field_that_ends_early_is_refused(tmp_path: Path) -> None:
+    text = "".join(feko(along_x))
+    (tmp_path / "field.txt").write_text(text[: text.index("  0.00000000E+00  3.40000000E+02", len(text) // 2)])
+    with pytest.raises(InputFileError, match=r"must have the same directions|got none from 330 to 360 degrees"):
         read_any_pattern(tmp_path / "field.txt")

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pdpatrol.missions.field.instruments.record import WaveformRecord
+from dirmusic.input_file import read_whole
+from pdpatrol.missions.field.instruments.record import MAX_BYTES, VOLTS, WaveformRecord
 
 SIGNS = b"WAVEDESC", b":CURV", b"$PublicInfo", b"<?xml", b"YMU:"
 """Words near the start of files that have a header of text: those of LeCroy, Tektronix (.isf), Yokogawa (.hdr), Rohde &
@@ -19,7 +20,8 @@ Schwarz, and Yokogawa (.wfm)."""
 
 def is_oscilloscope_file(head: bytes) -> bool:
     """Return whether the first bytes of a file can be those of a binary file of an oscilloscope."""
-    return b"\0" in head or any(sign in head for sign in SIGNS)
+    is_utf_16 = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return (b"\0" in head and not is_utf_16) or any(sign in head for sign in SIGNS)
 
 
 def read_oscilloscope_file(path: Path) -> WaveformRecord:
@@ -45,6 +47,33 @@ def read_oscilloscope_file(path: Path) -> WaveformRecord:
         reason = " ".join(str(error).replace(f"{header.parent}/", "").split())
         raise ValueError(f"must be text or a binary file of a known oscilloscope ({reason:.100})") from None
     units = {each.unit.name for each in channels}
+    _check_header(read_whole(header, MAX_BYTES), volts.shape[-1])
     if len(rates_hz) != 1 or units != {"v"}:
         raise ValueError(f"must have channels in volts of one rate, got {len(channels)} in {', '.join(sorted(units))}")
     return WaveformRecord.of(volts, rates_hz.pop(), tuple(each.name for each in channels))
+
+
+VERTICAL_UNIT = slice(196, 244)
+"""Place of the unit of the samples after the word WAVEDESC in files of LeCroy (LECROY_2_3 template, VERTUNIT)."""
+
+
+def _check_header(data: bytes, n_samples: int) -> None:
+    """Check unit and length in headers of Tektronix (.isf) and LeCroy, which RigolWFM does not check.
+
+    Raises:
+        ValueError: If the samples are not in volts, or fewer than the header states.
+    """
+    text, unit, n_stated = data[:8192], b"V", n_samples
+    if b":CURV" in text:
+        text = text[: text.index(b":CURV")]
+        found = re.search(rb'YUN(?:IT)?\s+"?([^";\s]+)', text)
+        unit = found[1] if found else unit
+        found = re.search(rb"NR_P(?:T)?\s+(\d+)", text)
+        n_stated = int(found[1]) if found else n_stated
+    elif b"WAVEDESC" in text:
+        unit = data[text.index(b"WAVEDESC") :][VERTICAL_UNIT].split(b"\0")[0] or unit
+    name = unit.decode("latin-1").strip()
+    if VOLTS.get(name.lower()) != 1.0:
+        raise ValueError(f"must be in volts, got {name:.20} in the header")
+    if n_samples < n_stated:
+        raise ValueError(f"must have {n_stated} samples as its header states, got {n_samples}; is it cut off?")

@@ -13,6 +13,12 @@ MAX_BYTES = 512 * 10**6
 MAX_VOLTS = 1e6
 """Largest sample, and strength of a pulse. Assumed; no receiver withstands more."""
 
+VOLTS = {
+    "v": 1.0, "volt": 1.0, "volts": 1.0, "kv": 1e3, "mv": 1e-3, "mvolt": 1e-3, "mvolts": 1e-3, "millivolt": 1e-3,
+    "millivolts": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6, "microvolt": 1e-6, "microvolts": 1e-6, "nv": 1e-9,
+}  # fmt: skip
+"""Units of voltage, in volts."""
+
 
 class WaveformRecord(NamedTuple):
     """Samples of one file.
@@ -23,12 +29,14 @@ class WaveformRecord(NamedTuple):
         volts_per_count: Factor from samples to volts, shape (n_channels,).
         sample_rate_hz: Sample rate of all channels.
         channels: Names of the channels.
+        start_s: Time of the first sample; None if it is not stated.
     """
 
     samples: NDArray[Any]
     volts_per_count: FloatArray
     sample_rate_hz: float
     channels: tuple[str, ...]
+    start_s: float | None = None
 
     @classmethod
     def of(
@@ -37,6 +45,7 @@ class WaveformRecord(NamedTuple):
         sample_rate_hz: float,
         channels: tuple[str, ...] = (),
         volts_per_count: ArrayLike = 1.0,
+        start_s: float | None = None,
     ) -> Self:
         """Check the contents of a file and make a record of them.
 
@@ -45,6 +54,7 @@ class WaveformRecord(NamedTuple):
             sample_rate_hz: Sample rate.
             channels: Names; default: channel_1, channel_2 and so on.
             volts_per_count: One factor, or one for each channel.
+            start_s: Time of the first sample; None if it is not stated.
 
         Raises:
             ValueError: If the contents cannot be those of a record.
@@ -76,7 +86,7 @@ class WaveformRecord(NamedTuple):
         unique = tuple(name.strip() for name in channels)
         if len(set(unique)) < n_channels or "" in unique:
             unique = tuple(f"channel_{k + 1}" for k in range(n_channels))
-        return cls(samples, scale, float(sample_rate_hz), unique)
+        return cls(samples, scale, float(sample_rate_hz), unique, start_s)
 
     @property
     def volts(self) -> FloatArray:
@@ -88,7 +98,7 @@ class WaveformRecord(NamedTuple):
         """Join the channels of several files, each with the same pulses.
 
         Raises:
-            ValueError: If their rates, or numbers of pulses or samples, differ.
+            ValueError: If their rates, numbers of pulses or samples, or start times differ.
         """
         first, *others = records
         if not others:
@@ -101,6 +111,12 @@ class WaveformRecord(NamedTuple):
                     f"{n} samples at {rate:g} Hz" for (_, n), rate in zip(shapes, rates, strict=True)
                 )
                 raise ValueError(f"files of one row must have the same rate and length, got {lengths} in file {k}")
+            if first.start_s is not None and other.start_s is not None:
+                late_s = other.start_s - first.start_s
+                if abs(late_s * first.sample_rate_hz) > 1.5:
+                    raise ValueError(
+                        f"files of one row must start at the same time, got {late_s:g} s later in file {k}"
+                    )
         names = tuple(name for record in records for name in record.channels)
         scale = np.concatenate([record.volts_per_count for record in records])
         return cls.of(

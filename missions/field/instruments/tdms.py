@@ -2,10 +2,11 @@
 
 import logging
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pdpatrol.missions.field.instruments.record import WaveformRecord
+from pdpatrol.missions.field.instruments.record import VOLTS, WaveformRecord
 
 
 def read_tdms(path: Path) -> WaveformRecord:
@@ -16,21 +17,46 @@ def read_tdms(path: Path) -> WaveformRecord:
         ModuleNotFoundError: If nptdms is not installed.
     """
     from nptdms import TdmsFile  # in the extra `instruments`
+    from nptdms.log import log_manager
 
-    logging.getLogger("nptdms").setLevel(logging.ERROR)  # a file that is cut off is an error below, not a warning
+    log_manager.set_level(logging.ERROR)  # a file that is cut off is an error below, not a warning
     try:
         groups = [group.channels() for group in TdmsFile.read(path).groups()]
         groups = [channels for channels in groups if channels]
-        segments = [[np.asarray(channel[:], dtype=np.float64) for channel in channels] for channels in groups]
+        samples = [[channel[:] for channel in channels] for channels in groups]
+        every = [channel for channels in groups for channel in channels]
+        interval_s = {float(channel.properties.get("wf_increment", np.nan)) for channel in every}
+        start_s = [[float(each.properties.get("wf_start_offset", 0.0)) for each in channels] for channels in groups]
+        scale = [[_volts(channel) for channel in channels] for channels in groups]
+        segments = [np.array(volts, dtype=np.float64) for volts in samples]
+    except _NotVoltsError:
+        raise
     except Exception as error:  # damaged bytes raise errors of many types
         raise ValueError(f"must be a TDMS file of numbers ({' '.join(str(error).split()):.100})") from None
-    intervals_s = {float(each.properties.get("wf_increment", np.nan)) for channels in groups for each in channels}
-    lengths = {each.size for segment in segments for each in segment}
-    if len(lengths) != 1 or len(intervals_s) != 1 or not min(intervals_s) > 0:
+    if len({volts.shape[-1] for volts in segments}) != 1 or len(interval_s) != 1 or not min(interval_s) > 0:
         raise ValueError("must have channels of one length, with one sampling interval wf_increment")
-    names = [tuple(channel.name for channel in channels) for channels in groups]
+    segments = [volts * np.array(of_group)[:, np.newaxis] for volts, of_group in zip(segments, scale, strict=True)]
+    names, rate_hz = [tuple(channel.name for channel in channels) for channels in groups], 1.0 / interval_s.pop()
     if len(set(names)) > 1:  # groups of other channels of the same pulse
-        return WaveformRecord.of(
-            np.concatenate(segments), 1.0 / intervals_s.pop(), tuple(name for of_group in names for name in of_group)
-        )
-    return WaveformRecord.of(np.array(segments), 1.0 / intervals_s.pop(), names[0])
+        segments, start_s = [np.concatenate(segments)], [[each for of_group in start_s for each in of_group]]
+        names = [tuple(name for of_group in names for name in of_group)]
+    for of_group in start_s:
+        if (max(of_group) - min(of_group)) * rate_hz > 1.5:
+            raise ValueError(
+                f"wf_start_offset must be equal in all channels, got {min(of_group):g} to {max(of_group):g}"
+            )
+    return WaveformRecord.of(np.array(segments), rate_hz, names[0])
+
+
+class _NotVoltsError(ValueError):
+    """A channel is not in volts."""
+
+
+def _volts(channel: Any) -> float:  # noqa: ANN401 - nptdms is in an extra
+    """Return the factor from the samples of a channel to volts."""
+    if channel.dtype.kind in "iu":
+        raise _NotVoltsError(f"{channel.name} must be scaled to volts, got whole numbers")
+    unit = str(channel.properties.get("unit_string", "")).strip()
+    if unit and unit.lower() not in VOLTS:
+        raise _NotVoltsError(f"{channel.name} must be in volts, got {unit}")
+    return VOLTS.get(unit.lower(), 1.0)

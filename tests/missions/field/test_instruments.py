@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.field.instruments import read_record
+from pdpatrol.missions.field.instruments import WaveformRecord, read_record
 from tests.missions.field.dialects import DIALECTS, STEP_S
 from tests.missions.field.surveys import SHARED
 
@@ -86,6 +86,109 @@ def test_other_or_damaged_file_is_one_error(tmp_path: Path, content: bytes, mess
     assert "\n" not in str(refused.value)
 
 
+ROWS = [(k * STEP_S, *column) for k, column in enumerate(noise(3, 400).T)]
+
+
+def lines_of(header: str = "time_s,c1,c2,c3", row: str = "{:.5e},{:.5e},{:.5e},{:.5e}") -> list[str]:
+    """Return the lines of a file with a time and three channels."""
+    return [header, *(row.format(*values) for values in ROWS)]
+
+
+def changed(lines: list[str], at: int, text: str) -> list[str]:
+    """Replace a line, counted from 1."""
+    return [*lines[: at - 1], text, *lines[at:]]
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (changed(lines_of(), 160, "7.9e-09,4,49754e-03,2.93884e-03,2.71070e-03"), "line 160 must have 4 numbers"),
+        (changed(lines_of(), 160, "7.9e-09,1,2,3,9"), "line 160 must have 4 numbers"),
+        (changed(lines_of(), 401, lines_of()[-1][:-4]), "line 401 must have 4 numbers .* is the file cut off"),
+        (
+            changed(lines_of(row="{:.3e},{:+.6f},{:+.6f},{:+.6f}"), 401, "2e-8,+0.001,+0.001,+0.00"),
+            "is the file cut off",
+        ),
+        (changed(changed(lines_of(), 400, "1e-8,1,2,OVER"), 401, "1e-8,1,2,OVER"), "line 400 must be a row of numbers"),
+        ([*lines_of()[:200], *lines_of(row="{:.5e},{:.5e},{:.5e}")[200:]], "line 200 must have 3 numbers"),
+        (lines_of("time_s,c1 (mV),c2 (pC),c3"), "channel 2 must be in volts, got pc"),
+        (["s,mV,mV,counts", *lines_of()[1:]], "channel 3 must be in volts, got counts"),
+        (["Vertical Units,VV,V,V", *lines_of()], "channel 1 must be in volts, got vv"),
+        (lines_of("Time,CH1,CH2"), "rows must have 3 numbers as the header has names, got 4"),
+        (["Sample Interval,5e-11", *lines_of("a,b,c,Time")], "column 4 must be a channel, got times"),
+        (changed(lines_of(), 401, "inf,1.00000e-03,1.00000e-03,1.00000e-03"), "times must be finite"),
+        (lines_of(row="{:.5e},{:.5e},{:.5e},{:.5e}")[:23], ""),
+        (lines_of(row="{:.9f},{:.5e},{:.5e},{:.5e}")[:23], "times must have more digits"),
+        (changed(changed(lines_of(), 151, lines_of()[151]), 152, lines_of()[150]), "they first fall in row 151"),
+        ([*lines_of(), *lines_of()[101:]], "segments of one length|same times"),
+        ([*lines_of()[:201], *lines_of()[201:]], ""),
+        (["Record Length,500", *lines_of()], "must have 500 samples as its header states, got 400"),
+        (["Segments,2,SegmentSize,500", *lines_of()], "must have 500 samples as its header states, got 400"),
+    ],
+    ids=range(19),
+)
+def test_text_that_would_be_misread_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+    (tmp_path / "w.csv").write_text("\n".join(lines))
+    if not message:
+        assert read_record(tmp_path / "w.csv").samples.shape == (1, 3, len(lines) - 1)
+        return
+    with pytest.raises(ValueError, match=message):
+        read_record(tmp_path / "w.csv")
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "factor"),
+    [
+        ("Time in s,CH1 in mV,CH2 in mV,CH3 in mV", "{:.4e},{:.6e},{:.6e},{:.6e}", 1e-3),
+        ("t/s;U1/mV;U2/mV;U3/mV", "{:.4e};{:.6e};{:.6e};{:.6e}", 1e-3),
+        ("Time (s),CH1 (mV AC),CH2 (mVolt),CH3 (millivolts)", "{:.4e},{:.6e},{:.6e},{:.6e}", 1e-3),
+        ("s,mV,mV,mV", "{:.4e},{:.6e},{:.6e},{:.6e}", 1e-3),
+        ("time_s,channel_A,channel_B,channel_W", "{:.4e},{:.6e},{:.6e},{:.6e}", 1.0),
+        ("t north south west", "{:.4e} {:.6e}  {:.6e} {:.6e}", 1.0),
+        ("CH1V,CH2V,CH3V,t0 =-2.5e-09, tInc = 5e-11,", "{1:.6e},{2:.6e},{3:.6e},,", 1.0),
+        ("Sample Interval,50,ps\nCH1,CH2,CH3", "{1:.6e},{2:.6e},{3:.6e}", 1.0),
+        ("Sample Rate (GS/s),20\nCH1,CH2,CH3", "{1:.6e},{2:.6e},{3:.6e}", 1.0),
+        ("Sample Rate,20 GSa/s\nCH1,CH2,CH3", "{1:.6e},{2:.6e},{3:.6e}", 1.0),
+        ("Time,A,Time,B,Time,C", "{0:.4e},{1:.6e},{0:.4e},{2:.6e},{0:.4e},{3:.6e}", 1.0),
+        ("s,Volts,s,Volts,s,Volts", "{0:.4e},{1:.6e},{0:.4e},{2:.6e},{0:.4e},{3:.6e}", 1.0),
+        ("Point,Time,CH1,CH2,CH3", "{4},{0:.4e},{1:.6e},{2:.6e},{3:.6e}", 1.0),
+        ("Sample Interval,5e-11\nPoint,Time,CH1,CH2,CH3", "{4},{0:.4e},{1:.6e},{2:.6e},{3:.6e}", 1.0),
+    ],
+    ids=range(14),
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_text_of_other_programs_is_read(tmp_path: Path, header: str, row: str, factor: float, encoding: str) -> None:
+    rows = [row.format(*values, k) for k, values in enumerate(ROWS)]
+    (tmp_path / "w.csv").write_text("\n".join([header, *rows, ""]), encoding=encoding)
+    record = read_record(tmp_path / "w.csv")
+    np.testing.assert_allclose(record.volts[0], factor * np.array(ROWS)[:, 1:].T, atol=1e-9)
+    assert record.sample_rate_hz == pytest.approx(1 / STEP_S)
+
+
+def test_decimal_commas_are_found_in_several_lines(tmp_path: Path) -> None:
+    lines = [row.replace(".", ",") for row in lines_of("t;a;b;c", "{:.4e};{:.6f};{:.6f};{:.6f}")]
+    (tmp_path / "w.csv").write_text("\n".join([*lines, "2e-08;0;0;0", "2005e-11;0,1;0;0", ""]))
+    assert read_record(tmp_path / "w.csv").volts[0, 0, -1] == 0.1
+
+
+def test_units_left_of_the_rows_are_read(tmp_path: Path) -> None:
+    """Older Tektronix oscilloscopes write keys and values to the left of the first rows."""
+    keys = ["Record Length,400,Points", "Sample Interval,5e-11,s", "Vertical Units,mV,"] + [",,"] * 397
+    rows = [f"{key},{t:.4e},{v:.6e}" for key, (t, v, *_) in zip(keys, ROWS, strict=True)]
+    (tmp_path / "w.csv").write_text("\n".join([*rows, ""]))
+    np.testing.assert_allclose(read_record(tmp_path / "w.csv").volts[0, 0], 1e-3 * np.array(ROWS)[:, 1], atol=1e-12)
+
+
+def test_channels_that_start_later_are_refused(tmp_path: Path) -> None:
+    for name, late_s in (("a", 0.0), ("b", 4e-9)):
+        rows = [f"{t + late_s:.4e},{v:.6e}" for t, v, *_ in ROWS]
+        (tmp_path / name).write_text("\n".join(["time,v", *rows, ""]))
+    records = [read_record(tmp_path / name) for name in "ab"]
+    assert WaveformRecord.join([records[0]] * 2).samples.shape == (1, 2, 400)
+    with pytest.raises(ValueError, match="must start at the same time, got 4e-09 s later in file 2"):
+        WaveformRecord.join(records)
+
+
 def test_units_after_names_are_read(tmp_path: Path) -> None:
     volts = noise(2, 100)
     rows = [f"{1e9 * k * STEP_S:.2f},{1e3 * a:.3f},{b:.6f}" for k, (a, b) in enumerate(volts.T)]
@@ -124,6 +227,8 @@ def test_matlab_and_hdf5_are_read(tmp_path: Path) -> None:
     volts = noise(3, 2, 500)
     savemat(tmp_path / "a", {"waveforms": volts, "sample_rate_hz": 1 / STEP_S}, appendmat=False)
     savemat(tmp_path / "b", {"A": volts[0, 0], "B": volts[0, 1], "Tinterval": STEP_S, "Length": 500.0}, appendmat=False)
+    savemat(tmp_path / "d", {"A": volts[0, 0], "B": np.ones(500), "Tinterval": STEP_S}, appendmat=False)
+    np.testing.assert_array_equal(read_record(tmp_path / "d").volts[0], [volts[0, 0], np.ones(500)])
     with h5py.File(tmp_path / "c", "w", userblock_size=512) as file:  # as MATLAB 7.3 writes it
         file["waveforms"], file["sample_rate_hz"] = volts.T, np.array([[1 / STEP_S]])
     with (tmp_path / "c").open("r+b") as file:
@@ -132,6 +237,84 @@ def test_matlab_and_hdf5_are_read(tmp_path: Path) -> None:
         record = read_record(tmp_path / name)
         np.testing.assert_array_equal(record.volts, expected)
         assert record.sample_rate_hz == pytest.approx(1 / STEP_S)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"A": np.zeros(200), "B": np.zeros(199), "Tinterval": STEP_S}, "must have one length, got A of 200, B of 199"),
+        ({"A": np.zeros(200) + 1j, "B": np.zeros(200), "Tinterval": STEP_S}, "must be real numbers"),
+        ({"A": np.zeros(200, np.int16), "Tinterval": STEP_S}, "whole numbers need volts_per_count"),
+        ({"A": np.zeros(200), "t": np.append(np.arange(199), 260) * STEP_S}, "t must rise in even steps"),
+        ({"A": np.zeros(200), "fs": 1e9, "Tinterval": STEP_S}, "must agree with fs, got 2e.10 and 1e.09 Hz"),
+    ],
+)
+def test_ambiguous_matlab_file_is_refused(tmp_path: Path, arrays: dict[str, object], message: str) -> None:
+    pytest.importorskip("scipy.io").savemat(tmp_path / "a", arrays, appendmat=False)
+    with pytest.raises(ValueError, match=message):
+        read_record(tmp_path / "a")
+
+
+def test_datasets_of_hdf5_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    h5py, volts = pytest.importorskip("h5py"), noise(12, 200)
+    with h5py.File(tmp_path / "w", "w") as file:
+        file["Tinterval"], file["time_ns"] = STEP_S, 1e9 * STEP_S * np.arange(200)
+        for k, channel in enumerate(volts, start=1):
+            file[f"channel_{k}"] = channel
+    np.testing.assert_array_equal(read_record(tmp_path / "w").volts[0], volts)
+
+
+@pytest.mark.parametrize(
+    ("properties", "kind", "message"),
+    [
+        ({"unit_string": "A"}, np.float64, "c1 must be in volts, got A"),
+        ({}, np.int16, "c1 must be scaled to volts, got whole numbers"),
+        ({"wf_start_offset": 1e-8}, np.float64, "wf_start_offset must be equal in all channels, got 0 to 1e-08"),
+    ],
+)
+def test_channel_of_tdms_that_is_not_in_volts_or_late_is_refused(
+    tmp_path: Path, properties: dict[str, object], kind: type, message: str
+) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    channels = [
+        nptdms.ChannelObject("p", f"c{k}", noise(500).astype(kind if k else np.float64), {"wf_increment": STEP_S} | own)
+        for k, own in enumerate(({}, properties))
+    ]
+    with nptdms.TdmsWriter(tmp_path / "w") as writer:
+        writer.write_segment(channels)
+    with pytest.raises(ValueError, match=message):
+        read_record(tmp_path / "w")
+
+
+def test_millivolts_of_tdms_are_read(tmp_path: Path) -> None:
+    nptdms, volts = pytest.importorskip("nptdms"), noise(500)
+    about = {"wf_increment": STEP_S, "unit_string": "mV"}
+    with nptdms.TdmsWriter(tmp_path / "w") as writer:
+        writer.write_segment([nptdms.ChannelObject("p", "c", 1e3 * volts, about)])
+    np.testing.assert_allclose(read_record(tmp_path / "w").volts[0, 0], volts, atol=1e-12)
+
+
+def isf(unit: str, n: int, n_stated: int) -> bytes:
+    """Return a file of a Tektronix oscilloscope with n samples."""
+    head = (
+        f":WFMPRE:NR_PT {n_stated};BYT_NR 2;BIT_NR 16;ENCDG BIN;BN_FMT RI;BYT_OR MSB;XINCR {STEP_S};XZERO 0.0;PT_OFF 0;"
+    )
+    head += f'YUNIT "{unit}";YMULT 1.0E-4;YOFF 0.0;YZERO 0.0;XUNIT "s";WFID "Ch1";:CURVE '
+    body = np.arange(n, dtype=">i2").tobytes()
+    return head.encode() + f"#{len(str(len(body)))}{len(body)}".encode() + body
+
+
+def test_header_of_a_tektronix_file_is_checked(tmp_path: Path) -> None:
+    pytest.importorskip("RigolWFM")
+    (tmp_path / "w.isf").write_bytes(isf("V", 200, 200))
+    np.testing.assert_allclose(read_record(tmp_path / "w.isf").volts[0, 0], 1e-4 * np.arange(200), atol=1e-9)
+    for content, message in (
+        (isf("A", 200, 200), "must be in volts, got A"),
+        (isf("V", 150, 200), "must have 200 samples"),
+    ):
+        (tmp_path / "w.isf").write_bytes(content)
+        with pytest.raises(ValueError, match=message):
+            read_record(tmp_path / "w.isf")
 
 
 def test_groups_of_tdms_are_segments(tmp_path: Path) -> None:
