@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.envs.scenario import load_scenario
+from pdpatrol.envs.scenario.loader import check_content
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.arguments import Flag, optional
 from pdpatrol.missions.cli.terminal import note, refuse, say
@@ -35,6 +35,8 @@ def import_site(
         out_file: File to write; must not exist. Default: the name of the map, ending in .toml.
         picture: Draw the plan to a PNG file of the same name.
     """
+    if not site.name or site.is_dir():
+        refuse(f"{site}: must be a file, is a folder")
     target = site.with_suffix(".toml") if out_file is None else out_file
     png = target.with_suffix(".png")
     errors = [] if target.suffix == ".toml" else [f"--out: must end in .toml, got {target}"]
@@ -43,8 +45,8 @@ def import_site(
         refuse(*errors)
     text, yard, notes = site_scenario.import_site(site, mapping)
     note(*notes)
+    scenario = check_content(text.encode(), target)
     write_text(target, text)
-    scenario = load_scenario(target)
     if picture:
         write_picture(scenario, png)
     counts = (len(yard.equipment), "piece"), (len(yard.site_names()), "site"), (len(notes), "note")

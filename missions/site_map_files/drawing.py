@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from ezdxf import DXFError, bbox, units
+from ezdxf import bbox, units
 from ezdxf.disassemble import recursive_decompose
 from ezdxf.document import Drawing
 from ezdxf.dynblkhelper import get_dynamic_block_definition
-from ezdxf.entities import Arc, Circle, DXFEntity, DXFGraphic, Insert, Point
+from ezdxf.entities import Arc, Circle, DXFEntity, DXFGraphic, DXFTagStorage, Insert, Point
 from ezdxf.entities.geodata import InvalidGeoDataException
 from ezdxf.filemanagement import readfile
 from ezdxf.layouts import BlockLayout
@@ -49,6 +49,15 @@ NAME_ATTRIBUTES = ("name", "ref", "tag", "designation")
 
 IN_WORLD = {"LINE", "POINT"}
 """Types whose coordinates are those of the world, whatever their extrusion."""
+
+LINES = ("fence", "kerb", "wall", "fire_wall", "cable_trench_cover")
+"""Kinds that stand along the lines of a block."""
+
+FILLS = {"HATCH", "MPOLYGON", "IMAGE", "WIPEOUT", "VIEWPORT"}
+"""Types that fill an area whose outline is another entity, or no area."""
+
+PER_METRE = {21: 3937 / 1200, 22: 3937 / 100, 23: 3937 / 3600, 24: 3937 / 1200 / 5280}
+"""US survey foot, inch, yard and mile as values of $INSUNITS (AutoCAD DXF reference), in units per metre."""
 
 TEXTS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER"}
 
@@ -106,7 +115,7 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
             continue
         try:
             _check(drawn)
-            if row is None or (row.kind != GROUND and type_ in TEXTS):
+            if row is None or (row.kind != GROUND and type_ in TEXTS | FILLS):
                 unknown[drawn.label, type_] += 1
             elif row.kind != GROUND:
                 found.append(_feature(drawn, row, unit_m))
@@ -116,6 +125,8 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
             unknown[drawn.label, type_] += 1
         except ValueError as error:
             errors.append(f"{path}: {drawn.place}: {error}")
+        except ArithmeticError:
+            errors.append(f"{path}: {drawn.place}: must have a size")
     size_m = np.ptp(np.concatenate([each.points_m for each in found]), axis=0) if len(found) > 1 else [LEAST_SITE_M]
     if max(size_m) < LEAST_SITE_M:
         unit, size = units.unit_name(document.header.get("$INSUNITS", 0)), " x ".join(f"{each:.3g}" for each in size_m)
@@ -142,7 +153,7 @@ def _opened(path: Path) -> Drawing:
         pass
     try:
         return readfile(path)
-    except (OSError, DXFError, ValueError, LookupError, TypeError, AttributeError) as error:
+    except Exception as error:  # damaged bytes raise errors of many types
         raise InputFileError([f"{path}: must be a DXF file: {error}"]) from None
 
 
@@ -151,7 +162,8 @@ def _unit(document: Drawing, path: Path) -> tuple[float, list[str]]:
     number = document.header.get("$INSUNITS", 0)
     if number == 0:
         return 1.0, [f"{path}: has no unit ($INSUNITS); metres are assumed"]
-    per_metre = units.METER_FACTOR[number] if 0 < number < len(units.METER_FACTOR) else None
+    known = dict(enumerate(units.METER_FACTOR)) | PER_METRE
+    per_metre = known.get(number) if number else None
     if per_metre is None:
         raise InputFileError([f"{path}: $INSUNITS must be a unit of length such as 4 (mm) or 6 (m), got {number}"])
     return 1.0 / per_metre, []
@@ -167,6 +179,10 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str)
     """
     for entity in entities:
         own_handle = handle or str(entity.dxf.handle)
+        if not isinstance(entity, DXFGraphic):  # of a program that ezdxf does not know
+            layer = entity.graphic_properties().get("layer", "0") if isinstance(entity, DXFTagStorage) else "0"
+            yield _Drawn(entity, f"{entity.dxftype()} {own_handle}", f"layer {layer}", None, False)
+            continue
         label, row = f"layer {entity.dxf.layer}", mapping.row(entity.dxf.layer)
         if isinstance(entity, Insert):
             if entity.mcount > 1 and not _is_hidden(entity):
@@ -177,11 +193,17 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str)
             label, row = f"block {name}", mapping.row(name) or row
         place = f"{entity.dxftype()} {own_handle} of {label}"
         block = entity.block() if isinstance(entity, Insert) else None
-        is_open = row is None and block is not None and not _is_hidden(entity) and not _contains(block, {block.name})
-        if is_open and isinstance(entity, Insert):
+        is_open = row is None and block is not None and not _is_hidden(entity) and not _contains_itself(block)
+        if is_open and isinstance(entity, Insert) and block is not None and _may_be_known(block, mapping):
             inner = list(_entities(entity.virtual_entities(), mapping, own_handle))
             if any(each.row is not None for each in inner):
                 yield from inner
+                continue
+        if isinstance(entity, Insert) and row is not None and row.kind in LINES and block is not None:
+            lines = (each for each in entity.virtual_entities() if _shows_size(each) and each.dxftype() not in FILLS)
+            inner = [each for each in lines if not isinstance(each, Insert)]
+            yield from (_Drawn(each, place, label, row, _is_hidden(entity)) for each in inner)
+            if inner:
                 continue
         yield _Drawn(entity, place, label, row, _is_hidden(entity))
 
@@ -202,17 +224,33 @@ def _check(drawn: _Drawn) -> None:
     block = entity.block()
     if block is None:
         raise ValueError(f"the block must be defined in the file, got `{entity.dxf.name}`")
-    if _contains(block, {block.name}):
+    if _contains_itself(block):
         raise ValueError("a block must not contain itself")
 
 
-def _contains(block: BlockLayout, names: set[str]) -> bool:
-    """Return whether a block contains one of the blocks of these names, at any depth."""
-    for insert in block.query("INSERT"):
-        inner = insert.block() if isinstance(insert, Insert) else None
-        if inner is not None and (inner.name in names or _contains(inner, names | {inner.name})):
-            return True
-    return False
+def _nested(block: BlockLayout) -> dict[str, BlockLayout]:
+    """Return the blocks that a block contains, at any depth, by their names."""
+    found, waiting = dict[str, BlockLayout](), [block]
+    while waiting:
+        for insert in waiting.pop().query("INSERT"):
+            inner = insert.block() if isinstance(insert, Insert) else None
+            if inner is not None and inner.name not in found:
+                found[inner.name] = inner
+                waiting.append(inner)
+    return found
+
+
+def _contains_itself(block: BlockLayout) -> bool:
+    """Return whether a block, or one within it, contains itself."""
+    return any(name in _nested(each) for name, each in {block.name: block, **_nested(block)}.items())
+
+
+def _may_be_known(block: BlockLayout, mapping: NameMapping) -> bool:
+    """Return whether a name within a block is known, or anonymous, as those of dynamic blocks."""
+    nested = _nested(block)
+    is_known = any(name.startswith("*") or mapping.row(name) for name in nested)
+    entities = (entity for each in (block, *nested.values()) for entity in each if isinstance(entity, DXFGraphic))
+    return is_known or any(mapping.row(entity.dxf.layer) for entity in entities)
 
 
 def _feature(drawn: _Drawn, row: NamedKind, unit_m: float) -> _DrawnFeature:

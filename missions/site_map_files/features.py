@@ -1,6 +1,7 @@
 """Features of a GeoJSON file (RFC 7946), with one line per error."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -12,9 +13,13 @@ from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
 from dirmusic.input_file import read_whole
 from pdpatrol.envs.scenario.base import error_lines
+from pdpatrol.missions.record.words import counted
 
 MAX_BYTES = 50_000_000
 """Maximum size of a file. Assumed; a map of a large substation takes a hundredth."""
+
+OWN = "pdpatrol"
+"""Property with the keys of a piece as in a scenario file."""
 
 OUT_OF_RANGE = {"less_than_equal", "greater_than_equal"}
 """Types of the errors of coordinates that are not longitude and latitude."""
@@ -119,8 +124,9 @@ def read_features(path: Path) -> MapContent:
     Raises:
         InputFileError: If the file cannot be read or has errors; all of them are listed.
     """
+    content = read_whole(path, MAX_BYTES)
     try:
-        data: Any = json.loads(read_whole(path, MAX_BYTES).decode("utf-8-sig"))
+        data: Any = json.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputFileError([f"{path}: is not valid JSON: {error}"]) from None
     found = data.get("features") if isinstance(data, dict) and data.get("type") == "FeatureCollection" else None
@@ -134,12 +140,12 @@ def read_features(path: Path) -> MapContent:
     types: set[str] = set()
     for number, item in enumerate(found):
         try:
-            if isinstance(item, dict) and item.get("geometry", item) is None:
+            if isinstance(item, dict) and _is_empty(item.get("geometry", item)):
                 notes.append(f"{_place(number, item, _tags(item))}: has no geometry; left out")
             else:
-                features += _features(number, item)
+                features += _features(number, item, notes)
         except ValidationError as error:
-            errors += [f"features.{number}.{line}" for line in error_lines(error, _Shape)]
+            errors += [f"features.{number}{'' if line[0] == ':' else '.'}{line}" for line in error_lines(error, _Shape)]
             types |= {each["type"] for each in error.errors()}
     if len(errors) > 1 and not features and types <= OUT_OF_RANGE:
         errors = [f"must have longitude and latitude on WGS 84, as RFC 7946 requires: {errors[0]}"]
@@ -151,19 +157,37 @@ def read_features(path: Path) -> MapContent:
 
 
 def _wrong_crs(data: Mapping[str, Any]) -> str:
-    """Return the name of the coordinate reference system of older GeoJSON if it is not WGS 84, else nothing."""
-    crs: Any = data.get("crs") or {}
+    """Return the coordinate reference system of older GeoJSON if it is not WGS 84, else nothing."""
+    crs: Any = data.get("crs")
+    if not crs:
+        return ""
     properties = crs.get("properties") if isinstance(crs, dict) else None
-    name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
-    return "" if not name or name.upper().endswith(("CRS84", ":4326")) else name
+    name = str(properties.get("name") or properties.get("code") or crs) if isinstance(properties, dict) else str(crs)
+    return "" if re.search(r"(CRS84h?|(^|[:/])4326)$", name, re.IGNORECASE) else name
+
+
+def _is_empty(geometry: Any) -> bool:  # noqa: ANN401 - files may contain any value
+    """Return whether a geometry is null, or has no parts, which means the same (RFC 7946, section 3.1)."""
+    is_multiple = isinstance(geometry, dict) and str(geometry.get("type")).startswith("Multi")
+    return geometry is None or (is_multiple and geometry.get("coordinates") == [])
 
 
 def _tags(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the properties of a feature, with keys in lower case."""
+    """Return the properties of a feature, with keys in lower case.
+
+    Tags of OpenStreetMap may also be in a table `tags`, or in the texts `tags` (JSON) or `other_tags`, as GDAL writes
+    them.
+    """
     properties: Any = item.get("properties")
     properties = properties if isinstance(properties, dict) else {}
-    nested = properties.get("tags")
+    nested, other = properties.get("tags"), properties.get("other_tags")
+    if isinstance(nested, str):
+        try:
+            nested = json.loads(nested)
+        except ValueError:
+            nested = None
     tags: dict[str, Any] = properties | nested if isinstance(nested, dict) else properties
+    tags = tags | dict(re.findall(r'"([^"]*)"=>"([^"]*)"', other)) if isinstance(other, str) else tags
     return {key.lower(): value for key, value in tags.items()}
 
 
@@ -172,12 +196,26 @@ def _place(number: int, item: Mapping[str, Any], tags: Mapping[str, Any]) -> str
     return f"features.{number}" + (f" ({name})" if name else "")
 
 
-def _features(number: int, item: Any) -> Iterator[MapFeature]:  # noqa: ANN401 - files may contain any value
+def _features(number: int, item: Any, notes: list[str]) -> Iterator[MapFeature]:  # noqa: ANN401 - any value
     """Yield the feature, or one for each part of its geometry; of polygons, the outer rings.
+
+    Args:
+        number: Number of the feature in the file.
+        item: The feature.
+        notes: Notes, to which one is added if inner rings are left out.
 
     Raises:
         ValidationError: If the geometry is not valid.
     """
+    stated = item.get("geometry") if isinstance(item, dict) else None
+    if (
+        isinstance(stated, dict)
+        and stated.get("type") == "GeometryCollection"
+        and isinstance(stated.get("geometries"), list)
+    ):
+        for part in stated["geometries"]:
+            yield from _features(number, {**item, "geometry": part}, notes)
+        return
     geometry = _Shape.model_validate(item).geometry
     tags = _tags(item)
     place = _place(number, item, tags)
@@ -188,6 +226,8 @@ def _features(number: int, item: Any) -> Iterator[MapFeature]:  # noqa: ANN401 -
             shape, parts = "LineString", _parts(geometry)
         case _:
             shape, parts = "Polygon", [rings[0][:-1] for rings in _parts(geometry)]
+            if n_inner := sum(len(rings) - 1 for rings in _parts(geometry)):
+                notes.append(f"{place}: {counted(n_inner, 'inner ring')} left out")
     for part in parts:
         yield MapFeature(place, tags, shape, np.array(part, dtype=np.float64))
 

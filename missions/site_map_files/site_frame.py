@@ -11,16 +11,19 @@ from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import error_lines
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
-from pdpatrol.missions.site_map_files.features import MapFeature
+from pdpatrol.missions.site_map_files.features import OWN, MapFeature
 from pdpatrol.missions.site_map_files.geodesy import longitude_latitude, places_in_yard
 from pdpatrol.robot_models.yard.polygon import LEAST_SIDE_M, Polygon, PolygonCorners
-from pdpatrol.robot_models.yard.quantities import MOST_YARD_M
+from pdpatrol.robot_models.yard.quantities import LEAST_YARD_M, MOST_YARD_M
 
 MARGIN_M = 5.0
 """Free ground around the features if the map has no outline (assumed)."""
 
 OUTLINES = ("substation", "plant")
 """Values of the tag `power` of outlines."""
+
+N_FRAMES = 3
+"""Number of times that the frame is computed, each about the last corner: then it moves by less than 1 mm."""
 
 RECTANGLE_M = 0.01
 """Deviation from a rectangle up to which the fence is one (assumed), as of equipment from the fence."""
@@ -121,21 +124,23 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa:
     notes: list[str] = []
     chosen = outlines or features
     points_deg = np.concatenate([each.points_deg for each in chosen])
-    rough = GeoreferenceConfig(longitude_deg=float(points_deg[0, 0]), latitude_deg=float(points_deg[0, 1]))
-    points_m = places_in_yard(points_deg, rough)
-    stated_deg = outlines[0].tags.get("heading_deg") if outlines else 0.0
-    if isinstance(stated_deg, int | float) and not abs(stated_deg) <= 360.0:
-        place = outlines[0].place
-        raise InputFileError([f"{path}: {place}: heading_deg: must be from -360 to 360 degrees, got {stated_deg}"])
-    if isinstance(stated_deg, int | float):
-        heading_deg = float(stated_deg)
-    else:
-        yaw_deg = np.degrees(oriented_box(points_m).yaw_rad)
-        heading_deg = -((yaw_deg + 45.0) % 90.0 - 45.0)
-    box = oriented_box(points_m, -np.radians(heading_deg))
-    size_m = box.size_m
+    stated_deg = _stated_heading(path, outlines[0]) if outlines else 0.0
+    corner = GeoreferenceConfig(longitude_deg=float(points_deg[0, 0]), latitude_deg=float(points_deg[0, 1]))
+    for _ in range(N_FRAMES):  # headings are those of the meridian of the corner
+        rough, points_m = corner, places_in_yard(points_deg, corner)
+        heading_deg = stated_deg
+        if heading_deg is None:
+            yaw_deg = np.degrees(oriented_box(points_m).yaw_rad)
+            heading_deg = -((yaw_deg + 45.0) % 90.0 - 45.0)
+        box = oriented_box(points_m, -np.radians(heading_deg))
+        size_m = box.size_m if outlines else box.size_m + 2.0 * MARGIN_M
+        turn = np.array([[np.cos(box.yaw_rad), np.sin(box.yaw_rad)], [-np.sin(box.yaw_rad), np.cos(box.yaw_rad)]])
+        corner_m = box.centre_m - 0.5 * size_m @ turn
+        longitude_deg, latitude_deg = longitude_latitude(corner_m, rough).tolist()
+        corner = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+    if not outlines and any(OWN in each.tags for each in features):
+        notes.append(f"{path}: has no outline with heading_deg; yaw_deg of exported pieces may be wrong")
     if not outlines:
-        size_m = size_m + 2.0 * MARGIN_M
         notes.append(
             f"{path}: has no outline (power=substation, or a closed fence); "
             f"the yard extends {MARGIN_M:g} m beyond the features"
@@ -143,14 +148,31 @@ def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa:
     if size_m.round(2).max() > MOST_YARD_M:
         given = f"{size_m[0]:.0f} x {size_m[1]:.0f} m"
         raise InputFileError([f"{path}: the yard must be at most {MOST_YARD_M:g} m long, got {given}"])
-    turn = np.array([[np.cos(box.yaw_rad), np.sin(box.yaw_rad)], [-np.sin(box.yaw_rad), np.cos(box.yaw_rad)]])
-    corner_m = box.centre_m - 0.5 * size_m @ turn
-    longitude_deg, latitude_deg = longitude_latitude(corner_m, rough).tolist()
-    reference = GeoreferenceConfig(
-        latitude_deg=latitude_deg, longitude_deg=longitude_deg, heading_deg=round(heading_deg, 4)
-    )
+    if size_m.min() < LEAST_YARD_M:
+        given = f"{size_m[0]:.2g} x {size_m[1]:.2g} m"
+        raise InputFileError([f"{path}: the yard must be at least {LEAST_YARD_M:g} m wide, got {given}"])
+    reference = corner.model_copy(update={"heading_deg": round(heading_deg, 4)})
     fence_m = _fence(path, outlines[0].place, (points_m - corner_m) @ turn.T, size_m) if outlines else None
     return SiteFrame(reference, size_m if fence_m is None else fence_m.max(axis=0), fence_m, notes)
+
+
+def _stated_heading(path: Any, outline: MapFeature) -> float | None:  # noqa: ANN401
+    """Return the heading that an outline states, degrees; None without one.
+
+    Raises:
+        InputFileError: If it is not a number in its range.
+    """
+    stated = outline.tags.get("heading_deg")
+    if stated is None or stated == "":
+        return None
+    try:
+        heading_deg = float("nan" if isinstance(stated, bool) else stated)
+    except (TypeError, ValueError):
+        heading_deg = np.nan
+    if not abs(heading_deg) <= 360.0:
+        text = f"{outline.place}: heading_deg: must be from -360 to 360 degrees, got {stated}"
+        raise InputFileError([f"{path}: {text}"])
+    return heading_deg
 
 
 def _fence(path: Any, place: str, ring_m: FloatArray, size_m: FloatArray) -> FloatArray | None:  # noqa: ANN401

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from dirmusic.arrays import FloatArray
 from pdpatrol.envs.scenario.base import as_tuples, error_lines
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
-from pdpatrol.missions.site_map_files.features import MapFeature
+from pdpatrol.missions.site_map_files.features import OWN, MapFeature
 from pdpatrol.missions.site_map_files.geodesy import places_in_yard
 from pdpatrol.missions.site_map_files.site_frame import OUTLINES, oriented_box
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
@@ -24,9 +24,6 @@ from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
 from pdpatrol.robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
-
-OWN = "pdpatrol"
-"""Property with the keys of a piece as in a scenario file."""
 
 ANY = "*"
 
@@ -53,7 +50,9 @@ RULES: tuple[tuple[Mapping[str, str], str], ...] = (
 KV_OF_V: tuple[tuple[float, float, Kv], ...] = ((60e3, 150e3, 110), (150e3, 300e3, 220), (300e3, 550e3, 400))
 """Ranges of voltages, and the level whose equipment stands for them."""
 
-UNITS = {"": 1.0, "m": 1.0, "v": 1.0, "kv": 1000.0, "ft": 0.3048}
+FOOT_M = 0.3048
+
+UNITS = {"": 1.0, "m": 1.0, "cm": 0.01, "v": 1.0, "kv": 1000.0, "ft": FOOT_M}
 """Units that may follow the number of a tag, in lower case, and their size."""
 
 RINGS = ("fence", "kerb")
@@ -61,6 +60,12 @@ RINGS = ("fence", "kerb")
 
 WALLS, WIDEST_WALL_M = ("wall", "fire_wall", "cable_trench_cover"), 2.0
 """Kinds that stand on the sides of a closed line if it is wider than they are (assumed); else they are the area."""
+
+ALONG_Y = ("gis_outdoor",)
+"""Kinds whose length is along their y axis."""
+
+SAME_DEG = 1.0
+"""Difference up to which the long axis of a block is one of its axes (assumed), as of rounded directions."""
 
 STOREY_M, WALL_M = 3.5, 0.3
 """Height of a storey, and thickness of a wall (assumed)."""
@@ -111,7 +116,7 @@ def site_pieces(
     for place, keys, _ in found:
         name = str(keys.get("name") or _name(keys, taken))
         parts[place, name] += 1  # the second part of a feature is NAME_2
-        name = name if parts[place, name] == 1 else f"{name}_{parts[place, name]}"
+        name = name if parts[place, name] == 1 else f"{name[: MOST_LETTERS - 5]}_{parts[place, name]}"
         own_name = _free_name(name, taken | names) if name in names else name
         try:
             piece = adapter.validate_python(as_tuples({**keys, "name": own_name}))
@@ -140,7 +145,10 @@ def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterato
             yield f"{feature.place}: {OWN}: is not valid JSON: {error}; left out"
             return
     if isinstance(own, Mapping):
-        yield Found(feature.place, {**own, "position_m": points_m[0].round(4).tolist()})
+        if isinstance(own.get("kind"), str):
+            yield Found(feature.place, {**own, "position_m": points_m[0].round(4).tolist()})
+        else:
+            yield f"{feature.place}: {OWN}: kind must be text, got {own.get('kind')!r:.60}; left out"
         return
     kind = feature.kind or next((kind for tags, kind in RULES if _has(feature.tags, tags)), None)
     if kind is None:
@@ -150,7 +158,10 @@ def _found(feature: MapFeature, points_m: FloatArray, usual_v: float) -> Iterato
     keys: dict[str, Any] = {"kind": kind} | _name_key(feature.tags)
     shape = CATALOGUE.get(kind)
     if shape is not None and shape.build_for is not None:
-        volts = _voltage(feature.tags) or usual_v
+        volts = _voltage(feature.tags)
+        if volts is None and (stated := _stated_voltage(feature.tags)):
+            yield f"{feature.place}: voltage: must be numbers of volts such as 110000;20000, got {stated:.60}; ignored"
+        volts = volts or usual_v
         level = [kv for low, high, kv in KV_OF_V if low <= volts < high]
         if not level:
             given = f"{volts / 1e3:g} kV" if volts else "no voltage"
@@ -176,12 +187,15 @@ def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]
     """Yield a piece for each straight part of a line, or the box around an area."""
     kind, stated = keys["kind"], feature.tags.get("height")
     height_m = _number(stated)
-    if stated and height_m is None:
+    if stated not in (None, "") and height_m is None:
         yield f"{feature.place}: height: must be a number of metres, got {stated}; a usual height is taken"
     if feature.shape == "Point":
         yield f"{feature.place}: {kind} must be a line or an area, got a point; left out"
     elif kind != "wall" and (kind == "building" or kind not in CATALOGUE):
-        height_m = height_m or STOREY_M * (_number(feature.tags.get("building:levels")) or 1.0)
+        levels = feature.tags.get("building:levels")
+        if levels not in (None, "") and _number(levels) is None:
+            yield f"{feature.place}: building:levels: must be a number, got {levels}; one is taken"
+        height_m = height_m or STOREY_M * (_number(levels) or 1.0)
         box = oriented_box(points_m)
         footprint_m = box.size_m.round(3).tolist()
         solid = {
@@ -198,7 +212,9 @@ def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]
             ends_m = np.vstack([points_m, points_m[:1]])
         for start_m, end_m in pairwise(ends_m):
             length_m = round(float(np.linalg.norm(end_m - start_m)), 3)
-            yaw_deg = _folded(_direction_deg(end_m - start_m))
+            yaw_deg = _folded(_direction_deg(end_m - start_m) - (90.0 if kind in ALONG_Y else 0.0))
+            if feature.is_turned:
+                yaw_deg = _as_block(yaw_deg, _direction_deg(points_m[1] - points_m[0]) + feature.tags["yaw_deg"])
             part = {**keys, "position_m": (0.5 * (start_m + end_m)).round(3).tolist(), "yaw_deg": yaw_deg}
             if kind == "wall":
                 height_m = height_m or WALL_HEIGHT_M
@@ -252,16 +268,21 @@ def _has(tags: Mapping[str, Any], needed: Mapping[str, str]) -> bool:
 
 def _voltage(tags: Mapping[str, Any]) -> float | None:
     """Return the highest voltage of `voltage` such as `110000;20000`, or that of the primary winding."""
-    stated = tags.get("voltage") or tags.get("voltage:primary") or ""
-    volts = [_number(text) for text in re.split("[;,/]", str(stated))]
+    volts = [_number(text) for text in re.split("[;,/]", _stated_voltage(tags))]
     return max((each for each in volts if each), default=None)
 
 
+def _stated_voltage(tags: Mapping[str, Any]) -> str:
+    return str(tags.get("voltage") or tags.get("voltage:primary") or "")
+
+
 def _number(value: Any) -> float | None:  # noqa: ANN401 - a property may have any value
-    """Return the positive number of a property such as `7.5`, `7.5 m` or `12 ft`, in SI units, or None."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(\w*)\s*", str(value))
+    """Return the positive number of a property such as `7.5`, `7,5 m`, `12 ft` or `16'3"`, in SI units, or None."""
+    if feet := re.fullmatch(r"\s*(\d+)'\s*(?:(\d+)\")?\s*", str(value)):
+        return FOOT_M * (int(feet[1]) + int(feet[2] or 0) / 12.0) or None
+    found = re.fullmatch(r"\s*(\d*[.,]?\d+)\s*(\w*)\s*", str(value))
     unit = UNITS.get(found[2].lower()) if found else None
-    return unit * float(found[1]) or None if found and unit else None
+    return unit * float(found[1].replace(",", ".")) or None if found and unit else None
 
 
 def _direction_deg(way_m: FloatArray) -> float:
@@ -272,6 +293,12 @@ def _direction_deg(way_m: FloatArray) -> float:
 def _folded(yaw_deg: float) -> float:
     """Return a yaw from -90 up to 90 degrees, for pieces that may as well stand the other way round."""
     return round((yaw_deg + 90.0) % 180.0 - 90.0, 2)
+
+
+def _as_block(yaw_deg: float, block_deg: float) -> float:
+    """Return the direction of a block instead of a yaw that may be opposite to it, from -180 up to 180 degrees."""
+    is_along = abs((yaw_deg - block_deg + 90.0) % 180.0 - 90.0) < SAME_DEG
+    return round((block_deg + 180.0) % 360.0 - 180.0, 2) if is_along else yaw_deg
 
 
 def _name_key(tags: Mapping[str, Any]) -> dict[str, str]:

@@ -8,6 +8,7 @@ import tomlkit
 
 from dirmusic import InputFileError
 from dirmusic.arrays import FloatArray
+from pdpatrol.envs.scenario.base import on_one_line
 from pdpatrol.missions.site_map_files.features import MapContent, read_features
 from pdpatrol.missions.site_map_files.name_mapping import read_mapping
 from pdpatrol.missions.site_map_files.site_frame import SiteFrame, site_frame, with_outline
@@ -40,7 +41,7 @@ def import_site(path: Path, mapping: Path | None = None) -> tuple[str, Yard, lis
     frame = site_frame(path, features)
     fence = _fenced(frame)
     pieces, piece_notes = site_pieces(features, frame.reference, fence)
-    notes = [*content.notes, *frame.notes, *piece_notes]
+    notes = [on_one_line(note) for note in (*content.notes, *frame.notes, *piece_notes)]
     if not pieces:
         raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
     if len(pieces) > MOST_PIECES:
@@ -48,7 +49,7 @@ def import_site(path: Path, mapping: Path | None = None) -> tuple[str, Yard, lis
     yard = Yard(size_m=fence.size_m, fence_m=fence.fence_m, equipment=tuple(pieces))
     rows = [_row(piece.model_dump(mode="json", exclude_none=True)) for piece in pieces]
     lines = [
-        f"# Made by pdpatrol import from {path.name}, {len(pieces)} pieces",
+        f"# Made by pdpatrol import from {on_one_line(path.name)}, {len(pieces)} pieces",
         *([] if not notes else ["#", "# Notes:", *(f"# - {note}" for note in notes)]),
         "",
         "[yard]",
@@ -58,7 +59,7 @@ def import_site(path: Path, mapping: Path | None = None) -> tuple[str, Yard, lis
         "]",
         "",
         "[route]",
-        f"dock_m = {_dock(yard).tolist()}",
+        f"dock_m = {_dock(path, yard).tolist()}",
         'waypoints_m = "planned"',
         "",
         "[array]",
@@ -100,7 +101,7 @@ def _row(keys: dict[str, Any]) -> str:
     return table.as_string()
 
 
-def _dock(yard: Yard) -> FloatArray:
+def _dock(path: Path, yard: Yard) -> FloatArray:
     """Return the free place nearest to the south-western corner of a yard, shape (2,).
 
     Raises:
@@ -110,6 +111,6 @@ def _dock(yard: Yard) -> FloatArray:
     free_m = places_m[yard.clearance(places_m) >= DOCK_ROOM_M]
     if not free_m.size:
         raise InputFileError(
-            [f"the yard of {yard.size_m} m must have free ground for a dock, {DOCK_ROOM_M:g} m from all"]
+            [f"{path}: the yard of {yard.size_m} m must have free ground for a dock, {DOCK_ROOM_M:g} m from all"]
         )
     return free_m[np.linalg.norm(free_m, axis=1).argmin()]

@@ -130,7 +130,7 @@ def assemble(kind: str, length_m: float | None = None, kv: Kv | None = None) -> 
 
     Args:
         kind: Name of the kind.
-        length_m: Length along x, if the kind stretches; by default that of the kind.
+        length_m: Length along x, or along y for `gis_outdoor`, if the kind stretches; by default that of the kind.
         kv: Voltage level. By default the size of a compact 110 kV yard, or that of 110 kV if the kind has none.
     """
     shape = CATALOGUE[kind]

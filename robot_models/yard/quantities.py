@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-MOST_YARD_M = 400.0
+LEAST_YARD_M, MOST_YARD_M = 1.0, 400.0
 """Maximum side length of a yard."""
 
 MOST_PIECES = 1000
@@ -23,7 +23,7 @@ MOST_LETTERS = 64
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=MOST_LETTERS)]
 
-YardLength = Annotated[float, Field(ge=1.0, le=MOST_YARD_M)]
+YardLength = Annotated[float, Field(ge=LEAST_YARD_M, le=MOST_YARD_M)]
 """Side length of a yard; a robot does not fit into less than a metre."""
 
 Coordinate = Annotated[float, Field(ge=-MOST_YARD_M, le=MOST_YARD_M)]

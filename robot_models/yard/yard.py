@@ -15,7 +15,7 @@ from pydantic import BaseModel, Field, model_validator
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from pdpatrol.robot_models.yard.pieces import Equipment, placed_solids
 from pdpatrol.robot_models.yard.polygon import Polygon, PolygonCorners
-from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_YARD_M, YardLength
+from pdpatrol.robot_models.yard.quantities import LEAST_YARD_M, MOST_PIECES, MOST_YARD_M, YardLength
 from pdpatrol.robot_models.yard.solids import YardSolids
 
 FENCE_TOLERANCE_M = 0.01
@@ -63,7 +63,7 @@ class Yard(
         if not isinstance(data, Mapping) or data.get("size_m") is not None or data.get("fence_m") is None:
             return data
         try:
-            x_m, y_m = np.array(data["fence_m"], dtype=np.float64).max(axis=0).clip(1.0, MOST_YARD_M).tolist()
+            x_m, y_m = np.array(data["fence_m"], dtype=np.float64).max(axis=0).clip(LEAST_YARD_M, MOST_YARD_M).tolist()
         except (TypeError, ValueError):
             x_m = y_m = 1.0  # the fence has an error, which is reported
         return {**data, "size_m": (x_m, y_m)}

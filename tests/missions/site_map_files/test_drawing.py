@@ -89,7 +89,7 @@ def test_blocks_become_pieces_at_their_places(tmp_path: Path) -> None:
     for name, kind, place_m, yaw_deg in (
         ("e01_qa1", "circuit_breaker", (20.0, 30.0), 180.0),
         ("power_transformer_1", "power_transformer", (60.0, 15.0), -90.0),
-        ("gantry_1", "gantry", (10.0, 52.5), -90.0),
+        ("gantry_1", "gantry", (10.0, 52.5), 90.0),
         ("circuit_breaker_1", "circuit_breaker", (40.0, 35.0), 90.0),
     ):
         assert got[name].kind == kind
@@ -394,3 +394,93 @@ def test_unusable_drawing_is_refused_in_one_line(tmp_path: Path, refused: Refuse
     saved(new(), tmp_path)
     (line,) = refused("import", "site.dxf", cwd=tmp_path)
     assert line == "site.dxf: must contain equipment, got none that is known"
+
+
+def test_entities_of_unknown_programs_are_listed(tmp_path: Path) -> None:
+    """AutoCAD Architecture and Civil 3D write entities of their own, and proxies for other programs."""
+    path = saved(librecad(), tmp_path)
+    drawing = path.read_text()
+    wall = "0\nAEC_WALL\n5\nFFA0\n100\nAcDbEntity\n8\nA-WALL\n100\nAecDbGeo\n"
+    path.write_text(drawing.replace("2\nENTITIES\n", f"2\nENTITIES\n{wall}"))
+    _, yard, notes = import_site(path, mapping(tmp_path))
+    assert "layer A-WALL: 1 AEC_WALL not understood; left out" in notes
+    assert yard.equipment
+
+
+def test_hatch_is_not_a_second_piece(tmp_path: Path) -> None:
+    """Programs draw an area as its outline and a hatch on the same layer, which may fill several areas."""
+    drawing = autocad()
+    hatch = drawing.modelspace().add_hatch(dxfattribs={"layer": "BUILDING"})
+    for x in (1.02e6, 1.05e6):
+        corners = [(x + 1e3 * a, 5e4 + 1e3 * b) for a, b in square(0.0, 0.0, 6.0, 4.0)]
+        drawing.modelspace().add_lwpolyline(corners, close=True, dxfattribs={"layer": "BUILDING"})
+        hatch.paths.add_polyline_path(corners, is_closed=True)
+    _, yard, notes = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    assert sum(each.kind == "building" for each in yard.equipment) == 2
+    assert "layer BUILDING: 1 HATCH not understood; left out" in notes
+
+
+def test_fence_within_a_block_has_its_sides(tmp_path: Path) -> None:
+    """An outline that is the only content of a block is the fence, also if it is no rectangle."""
+    drawing = autocad()
+    (outline,) = drawing.modelspace().query("LWPOLYLINE[layer=='S-FENCE']")
+    block = drawing.blocks.new("FENCE_MAIN")
+    corners = [(0, 0), (80, 0), (80, 60), (45, 60), (45, 58), (0, 58)]
+    block.add_lwpolyline([(1e3 * x, 1e3 * y) for x, y in corners], close=True)
+    drawing.modelspace().delete_entity(outline)  # pyright: ignore[reportArgumentType]
+    drawing.modelspace().add_blockref("FENCE_MAIN", (1e6, 0.0))
+    _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    assert yard.fence_m is not None
+    assert len(yard.fence_m) == 6
+
+
+def test_survey_feet_are_a_unit(tmp_path: Path) -> None:
+    drawing = autocad()
+    drawing.header["$INSUNITS"] = 21
+    for block in drawing.modelspace():
+        block.scale(1 / 304.8006096, 1 / 304.8006096, 1 / 304.8006096)  # pyright: ignore[reportAttributeAccessIssue]
+    _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    assert yard.size_m == pytest.approx((80.0, 60.0), abs=0.01)
+
+
+def test_damaged_drawings_are_refused_in_one_line(tmp_path: Path, refused: Refused) -> None:
+    drawing = autocad()
+    drawing.modelspace().add_ellipse((1.02e6, 5e4), (3e3, 0.0), 1e-6, dxfattribs={"layer": "BUILDING"})
+    drawing.saveas(tmp_path / "site.dxf", fmt="bin")
+    content = (tmp_path / "site.dxf").read_bytes()
+    (tmp_path / "site.dxf").write_bytes(content[: len(content) // 2 + 1])
+    mapping(tmp_path)
+    (line,) = refused("import", "site.dxf", "--mapping", "mapping.toml", cwd=tmp_path)
+    assert line.startswith("site.dxf: must be a DXF file: ")
+    path = saved(autocad(), tmp_path)
+    path.write_text(path.read_text().replace("$INSUNITS\n 70\n4", "$INSUNITS\n 70\n1e400"))
+    (line,) = refused("import", "site.dxf", "--mapping", "mapping.toml", cwd=tmp_path)
+    assert line.startswith("site.dxf: ")
+
+
+def test_nested_blocks_of_unknown_names_are_listed_quickly(tmp_path: Path) -> None:
+    """Each of thirty blocks holds the next one twice: a billion lines if all were opened."""
+    drawing = autocad()
+    drawing.blocks.new("LEVEL_30").add_line((0.0, 0.0), (1.0, 0.0))
+    for k in range(29, -1, -1):
+        block = drawing.blocks.new(f"LEVEL_{k}")
+        for x in (0.0, 10.0):
+            block.add_blockref(f"LEVEL_{k + 1}", (x, 0.0))
+    drawing.modelspace().add_blockref("LEVEL_0", (1e6, 0.0))
+    _, _, notes = import_site(saved(drawing, tmp_path), mapping(tmp_path))
+    assert "block LEVEL_0: 1 INSERT not understood; left out" in notes
+
+
+@pytest.mark.parametrize("rotation_deg", [0.0, 90.0, 180.0])
+@pytest.mark.parametrize("kind", ["gis_outdoor", "gis_bay"])
+def test_long_block_keeps_its_direction(kind: str, rotation_deg: float, tmp_path: Path) -> None:
+    """A block that is drawn as its kind stands gives the same length and yaw, also where both ends differ."""
+    drawing = autocad()
+    width, depth = (4e3, 9e3) if kind == "gis_outdoor" else (9e3, 4e3)
+    drawing.blocks.new(kind.upper()).add_lwpolyline(square(0.0, 0.0, width, depth), close=True)
+    drawing.modelspace().add_blockref(kind.upper(), (1e6 + 35e3, 45e3), dxfattribs={"rotation": rotation_deg})
+    rows = f'kv = 220\n[names]\n"{kind}" = {{ kind = "{kind}" }}'
+    _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path, rows))
+    (piece,) = (each.model_dump() for each in yard.equipment if each.kind == kind)
+    assert piece["length_m"] == pytest.approx(9.0, abs=0.002)
+    assert (piece["yaw_deg"] - rotation_deg) % 360.0 == pytest.approx(0.0, abs=0.01)

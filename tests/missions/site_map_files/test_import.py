@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -103,14 +104,16 @@ def test_numbers_of_tags_are_in_their_units(tmp_path: Path) -> None:
             feature([(60.0, 15.0)], power="insulator", voltage="220 kV", name="Z1", building=""),
             area(20.0, 40.0, 8.0, 6.0, building="yes", height="10 ft", name="B1"),
             area(40.0, 40.0, 8.0, 6.0, building="yes", height="4.5m", name="B2"),
-            area(60.0, 40.0, 8.0, 6.0, building="yes", height="16'4\"", name="B3"),
+            area(60.0, 40.0, 8.0, 6.0, building="yes", height="16'3\"", name="B3"),
+            area(20.0, 50.0, 8.0, 6.0, building="yes", height="5,5", name="B4"),
+            area(40.0, 50.0, 8.0, 6.0, building="yes", height="two storeys", name="B5"),
         )
     )
     got = {each.name: each.model_dump() for each in yard.equipment}
     assert (got["t1"]["kv"], got["z1"]["kv"]) == (110, 220)
-    heights_m = [got[name]["height_m"] for name in ("b1", "b2", "b3")]
-    assert heights_m == pytest.approx([3.048, 4.5, 3.5])
-    assert note == "features.5 (B3): height: must be a number of metres, got 16'4\"; a usual height is taken"
+    heights_m = [got[name]["height_m"] for name in ("b1", "b2", "b3", "b4", "b5")]
+    assert heights_m == pytest.approx([3.048, 4.5, 4.953, 5.5, 3.5])
+    assert note == "features.7 (B5): height: must be a number of metres, got two storeys; a usual height is taken"
 
 
 def test_three_poles_in_a_row_are_one_piece(tmp_path: Path) -> None:
@@ -179,6 +182,11 @@ NOT_UNDERSTOOD = (
     (feature([(30.0, 30.0), (30.1, 30.0)], barrier="fence"), "length_m: must be greater than or equal to 0.5"),
     (feature([(30.0, 30.0)], pdpatrol={"name": "it", "kind": "pump"}), "kind: must be one of building"),
     (feature([(30.0, 30.0)], pdpatrol=KIOSK), "no kind `kiosk`; left out"),
+    (feature([(30.0, 30.0)], pdpatrol={"position_m": [1, 2]}), "pdpatrol: kind must be text, got None; left out"),
+    (feature([(30.0, 30.0)], pdpatrol={"kind": {"a": 1}}), "pdpatrol: kind must be text, got {'a': 1}; left out"),
+    (feature([(30.0, 30.0)], power="pole", description="one\ntwo\x07"), r"description=one\\ntwo\\x07; left out"),
+    (feature([(30.0, 30.0)], power="pole", name="a\ud800b"), r"a\\ud800b"),
+    ({"type": "Feature", "properties": {}, "geometry": {"type": "MultiPoint", "coordinates": []}}, "has no geometry"),
 )
 
 
@@ -315,3 +323,92 @@ def test_openstreetmap_extract_becomes_a_scenario(tmp_path: Path, monkeypatch: p
         "current_transformer": 6,
         "busbar": 1,
     }
+
+
+def test_values_that_cannot_be_read_are_listed(tmp_path: Path) -> None:
+    outline = area(40.0, 30.0, 80.0, 60.0, power="substation", voltage="110000")
+    breaker = feature([(20.0, 30.0)], power="switch", switch="circuit_breaker", voltage="medium")
+    house = area(60.0, 40.0, 8.0, 6.0, building="yes", **{"building:levels": "2;3"})
+    _, yard, notes = import_site(written(tmp_path, outline, breaker, house))
+    assert [note.split(": ", 1)[1] for note in notes] == [
+        "voltage: must be numbers of volts such as 110000;20000, got medium; ignored",
+        "building:levels: must be a number, got 2;3; one is taken",
+    ]
+    assert len(yard.equipment) == 2
+
+
+def test_parts_of_a_collection_and_tags_as_text_are_read(tmp_path: Path) -> None:
+    """GDAL writes tags of OpenStreetMap as `other_tags`; other programs write them as JSON."""
+    point = feature([(20.0, 30.0)])["geometry"]
+    house = area(60.0, 40.0, 8.0, 6.0, building="yes")
+    items = (
+        {"type": "Feature", "properties": {"other_tags": '"power"=>"insulator","ref"=>"Z1"'}, "geometry": point},
+        {"type": "Feature", "properties": {"tags": '{"building": "yes", "ref": "B1"}'}, "geometry": house["geometry"]},
+        {
+            "type": "Feature",
+            "properties": {"building": "yes", "ref": "B2"},
+            "geometry": {"type": "GeometryCollection", "geometries": [area(20.0, 45.0, 8.0, 6.0)["geometry"]]},
+        },
+    )
+    outline = area(40.0, 30.0, 80.0, 60.0, power="substation", voltage="110000")
+    _, yard, notes = import_site(written(tmp_path, outline, *items))
+    assert ([each.name for each in yard.equipment], notes) == (["z1", "b1", "b2"], [])
+
+
+def test_inner_rings_are_listed(tmp_path: Path) -> None:
+    house, hole = area(60.0, 40.0, 8.0, 6.0, building="yes"), area(60.0, 40.0, 2.0, 2.0)
+    house["geometry"]["coordinates"] += hole["geometry"]["coordinates"]
+    _, _, notes = import_site(written(tmp_path, OUTLINE, BREAKER, house))
+    assert notes == ["features.2: 1 inner ring left out"]
+
+
+@pytest.mark.parametrize(
+    ("crs", "is_refused"),
+    [
+        ({"type": "EPSG", "properties": {"code": 25832}}, True),
+        ("EPSG:25832", True),
+        ({"type": "link", "properties": {"href": "http://example.com/crs"}}, True),
+        ({"type": "name", "properties": {"name": "http://www.opengis.net/def/crs/EPSG/0/4326"}}, False),
+        ({"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC::CRS84h"}}, False),
+        ({"type": "EPSG", "properties": {"code": 4326}}, False),
+    ],
+)
+def test_reference_systems_are_checked(tmp_path: Path, crs: object, is_refused: bool) -> None:
+    path = written(tmp_path, OUTLINE, BREAKER)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"crs": crs}))
+    with pytest.raises(InputFileError, match="crs: must be WGS 84") if is_refused else nullcontext():
+        import_site(path)
+
+
+FAR_RING = """
+[yard]
+fence_m = [[390, 380], [0, 380], [0, 0], [390, 0], [390, 100], [200, 100], [200, 200], [390, 200]]
+equipment = [
+  { name = "a", shape = "cylinder", kind = "bushing", position_m = [385, 375], radius_m = 0.15, height_m = 2 },
+  { name = "b", shape = "cylinder", kind = "bushing", position_m = [5, 5], radius_m = 0.15, height_m = 2 },
+]
+[route]
+dock_m = [20, 20]
+[array]
+"""
+
+
+@pytest.mark.parametrize("latitude_deg", [50.0, 84.9])
+def test_ring_that_starts_far_from_the_origin_comes_back(tmp_path: Path, latitude_deg: float) -> None:
+    """Meridians converge, so the heading must be that at the corner of the yard, not at the first point of the ring."""
+    reference = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=10.0, heading_deg=17.0)
+    (tmp_path / "site.toml").write_text(FAR_RING)
+    drawn = load_scenario(tmp_path / "site.toml")
+    (tmp_path / "site.geojson").write_text(json.dumps(site_map(drawn, reference)))
+    _, back, _ = import_site(tmp_path / "site.geojson")
+    assert back.fence_m is not None
+    assert drawn.yard.fence_m is not None
+    assert np.abs(np.subtract(back.fence_m, drawn.yard.fence_m)).max() < 0.002
+    for each, original in zip(back.equipment, drawn.yard.equipment, strict=True):
+        assert np.abs(np.subtract(each.position_m, original.position_m)).max() < 0.002
+
+
+def test_failed_import_leaves_no_file(tmp_path: Path, refused: Refused) -> None:
+    assert refused("import", ".", cwd=tmp_path) == [".: must be a file, is a folder"]
+    assert refused("import", "a.geojson", cwd=tmp_path) == ["a.geojson: cannot be read: No such file or directory"]
+    assert list(tmp_path.iterdir()) == []
