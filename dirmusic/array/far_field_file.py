@@ -112,11 +112,12 @@ def _cst(text: str) -> Iterator[FarField]:
 def _hfss(text: str) -> Iterator[FarField]:
     """Yield the blocks of HFSS: ranges of theta and phi, then for each frequency rows of the field; phi runs first."""
     lines = [line.split() for line in text.splitlines() if line.strip()]
-    (theta_range, phi_range), n_frequencies, rest = _numbers(lines[:2], 2, 3), int(lines[2][1]), lines[3:]
-    if theta_range[2] * phi_range[2] > len(rest):
+    (theta_1, theta_2, n_theta), (phi_1, phi_2, n_phi) = _numbers(lines[:2], 2, 3).tolist()
+    n_frequencies, rest, n = int(lines[2][1]), lines[3:], int(n_theta) * int(n_phi)
+    if not 0 < n <= len(rest):
         raise ValueError("must have a row for each direction")
-    theta_deg, phi_deg = (np.linspace(a, b, int(n)) for a, b, n in (theta_range, phi_range))
-    n, (theta, phi) = theta_deg.size * phi_deg.size, np.meshgrid(theta_deg, phi_deg, indexing="ij")
+    theta_deg, phi_deg = np.linspace(theta_1, theta_2, int(n_theta)), np.linspace(phi_1, phi_2, int(n_phi))
+    theta, phi = np.meshgrid(theta_deg, phi_deg, indexing="ij")
     for k in range(n_frequencies):
         head, *rows = rest[k * (n + 1) : (k + 1) * (n + 1)] or [[]]
         if len(head) != 2 or not re.fullmatch(NUMBER, head[1]):
