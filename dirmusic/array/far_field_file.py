@@ -112,7 +112,8 @@ def _cst(text: str) -> Iterator[FarField]:
 def _hfss(text: str) -> Iterator[FarField]:
     """Yield the blocks of HFSS: ranges of theta and phi, then for each frequency rows of the field; phi runs first."""
     lines = [line.split() for line in text.splitlines() if line.strip()]
-    (theta_1, theta_2, n_theta), (phi_1, phi_2, n_phi) = _numbers(lines[:2], 2, 3).tolist()
+    ranges: list[list[float]] = _numbers(lines[:2], 2, 3).tolist()
+    (theta_1, theta_2, n_theta), (phi_1, phi_2, n_phi) = ranges
     n_frequencies, rest, n = int(lines[2][1]), lines[3:], int(n_theta) * int(n_phi)
     if not 0 < n <= len(rest):
         raise ValueError("must have a row for each direction")
