@@ -109,8 +109,9 @@ def _first_error(names: list[str], lines: list[tuple[int, str]], delimiter: str,
 
 
 def _is_number(text: str) -> bool:
+    """Return whether pyarrow reads a text as a number; Python's `float` also takes 1_0 and digits of other scripts."""
     try:
         float(text)
     except ValueError:
         return False
-    return True
+    return text.isascii() and "_" not in text

@@ -73,6 +73,10 @@ def read_bag(path: Path, survey: SurveyOptions) -> FieldData:
                 pulses.append((time_ns, *_pulse(message, survey.noise_v)))
         except (AttributeError, ValueError, TypeError) as error:
             raise InputFileError([f"{path}: {topic}: {' '.join(str(error).split()):.200}"]) from None
+    if n_clipped and not pulses:
+        raise InputFileError(
+            [f"{path}: {survey.pulse_topic}: must have pulses that are not clipped, got {n_clipped} clipped"]
+        )
     for topic, found in ((survey.pose_topic, poses), (survey.pulse_topic, pulses)):
         if not found:
             raise InputFileError([f"{path}: {topic}: must have messages; --pose-topic and --pulse-topic name others"])
@@ -92,6 +96,8 @@ def read_bag(path: Path, survey: SurveyOptions) -> FieldData:
 
 def _messages(path: Path, topics: tuple[str, str]) -> Iterator[tuple[str, int, Message]]:
     """Yield topic, time in nanoseconds and content of the messages of two topics."""
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise InputFileError([f"{path}: must be an MCAP file or a rosbag2 folder with metadata.yaml, or a table"])
     known = get_typestore(Stores.ROS2_HUMBLE)
     known.register(get_types_from_msg(PULSE, "pdpatrol_msgs/msg/Pulse"))
     try:
@@ -126,6 +132,8 @@ def _pulse(message: Message, noise_v: float | None) -> tuple[Sequence[float], Se
     has_std = hasattr(message, "strengths_v")
     strengths_v = np.asarray(message.strengths_v if has_std else message.data, dtype=np.float64)
     std_v = np.asarray(message.std_v, dtype=np.float64) if has_std else np.empty(0)
+    if not strengths_v.size:
+        raise ValueError("strengths_v must have a value for each channel, got none")
     if not std_v.size:
         if noise_v is None:
             raise ValueError("needs std_v in each message, or --noise-v: how far a strength can be trusted")
@@ -134,7 +142,10 @@ def _pulse(message: Message, noise_v: float | None) -> tuple[Sequence[float], Se
         raise ValueError(f"std_v must have {strengths_v.size} values, got {std_v.size}")
     if not ((strengths_v >= 0) & (strengths_v <= MAX_VOLTS) & (std_v >= MIN_STRENGTH_V) & (std_v <= MAX_VOLTS)).all():
         raise ValueError(f"strengths must be from 0 to {MAX_VOLTS:g} V and std_v above 0, got {strengths_v}, {std_v}")
-    return strengths_v.tolist(), std_v.tolist(), float(message.mains_phase_rad) if has_std else np.nan
+    phase_rad = float(message.mains_phase_rad) if has_std else np.nan
+    if abs(phase_rad) > 2.0 * np.pi:  # false for NaN, which is unknown
+        raise ValueError(f"mains_phase_rad must be from -2 pi to 2 pi, or NaN if it is unknown, got {phase_rad:g}")
+    return strengths_v.tolist(), std_v.tolist(), phase_rad
 
 
 def _field_data(path: Path, poses: FloatArray, pulses: BagPulses) -> FieldData:

@@ -57,7 +57,8 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
         InputFileError: If a file cannot be used, the files are inconsistent, or they contain no noise to measure.
     """
     read = lru_cache(maxsize=len(columns))(read_record)
-    names = list(zip(*(table.columns[column].tolist() for column in columns), strict=True))
+    of_columns = ([str(name or "").strip() for name in table.columns[column].tolist()] for column in columns)
+    names = list(zip(*of_columns, strict=True))
     segments = table.columns["segment"].tolist() if "segment" in table.columns else [None] * len(names)
     _check_names(table, names)
     found, shape = list[RecordPulses](), (0, 0.0)
@@ -89,10 +90,13 @@ def _check_names(table: InputTable, names: list[tuple[str, ...]]) -> None:
     """Check that each channel of a row has a file of its own.
 
     Raises:
-        InputFileError: If a row names one file twice.
+        InputFileError: If a row lacks a name, or names one file twice.
     """
     errors = list[str]()
     for line, of_row in zip(table.lines.tolist(), names, strict=True):
+        if "" in of_row:
+            errors.append(f"{table.path}: line {line}: must name a waveform file for each channel")
+            continue
         if repeated := [name for name in of_row if of_row.count(name) > 1]:
             text = f"must have a different file for each channel, got {repeated[0]:.60} twice"
             errors.append(f"{table.path}: line {line}: {text}")

@@ -123,12 +123,14 @@ def test_unusable_recording_is_one_line(tmp_path: Path) -> None:
     data = (tmp_path / "m.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
     (tmp_path / "text.mcap").write_text("not a recording")
+    (tmp_path / "begun.mcap").write_bytes(data[:8])
     (tmp_path / "empty").mkdir()
     usual = SurveyOptions()
     for name, survey, message in (
         ("cut.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
         ("text.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
-        ("empty", usual, "must be an MCAP file or a rosbag2 folder"),
+        ("begun.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
+        ("empty", usual, "must be an MCAP file or a rosbag2 folder with metadata.yaml, or a table"),
         ("none.mcap", usual, "must be an MCAP file or a rosbag2 folder"),
         ("m.mcap", replace(usual, pulse_topic="/clicks"), "/clicks: must have messages; --pose-topic and"),
         ("m.mcap", replace(usual, pose_topic="/yard"), "/yard: "),

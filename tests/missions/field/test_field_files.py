@@ -99,6 +99,24 @@ def test_waveforms_of_two_channels_are_refused(tmp_path: Path) -> None:
         read_field_data(table_of(tmp_path, "w.npz"), noise_v=0.01)
 
 
+def test_each_channel_of_a_row_has_a_file_of_its_own(tmp_path: Path) -> None:
+    names = [("a.npz", "b.npz", "a.npz"), ("a.npz", "", "c.npz")]
+    rows = [f"{k},0,0,0,{','.join(of_row)}" for k, of_row in enumerate(names)]
+    (tmp_path / "t.csv").write_text("\n".join(["time_s,x_m,y_m,yaw_deg,waveform_1,waveform_2,waveform_3", *rows]))
+    with pytest.raises(InputFileError) as refused:
+        read_field_data(tmp_path / "t.csv")
+    assert [error.partition(": ")[2] for error in refused.value.faults] == [
+        "line 2: must have a different file for each channel, got a.npz twice",
+        "line 3: must name a waveform file for each channel",
+    ]
+
+
+def test_repeated_waveform_file_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "w.npz").write_bytes(npz(waveforms=hostile.waveforms(np.random.default_rng(9))["waveforms"]))
+    notes = read_field_data(table_of(tmp_path, "w.npz", n_rows=3)).notes
+    assert any("2 rows with the waveforms of an earlier row" in note for note in notes)
+
+
 def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
     (tmp_path / "w.csv").write_text("time_s,channel_1,channel_2,channel_3\n" + "0,nan,nan,nan\n" * 200)
     with pytest.raises(InputFileError, match=r"line 2: waveform w.csv: line 2 must have 4 numbers") as refused:
