@@ -14,6 +14,6 @@ def compile_at_first_run(console: Console) -> None:
     """Print a message and run a short mission that calls every kernel, unless all kernels are cached on disk."""
     if is_cache_complete():
         return
-    with console.status("Compiling for the first run, about 40 s ..."):
+    with console.status("Compiling for the first run, one to three minutes ..."):
         run_mission(load_scenario("two_sources", {"task.time_limit_s": TIME_LIMIT_S}))
     mark_cache_complete()
