@@ -87,7 +87,7 @@ def read_waveforms(table: InputTable, columns: list[str], noise_v: float | None,
 
 
 def _check_names(table: InputTable, names: list[tuple[str, ...]]) -> None:
-    """Check that each channel of a row has a file of its own.
+    """Check that the channels of each row have different files.
 
     Raises:
         InputFileError: If a row lacks a name, or names one file twice.

@@ -27,6 +27,7 @@ from pdpatrol.missions.site_map_files.features import MAX_BYTES, MapContent, Map
 from pdpatrol.missions.site_map_files.geodesy import longitude_latitude
 from pdpatrol.missions.site_map_files.name_mapping import GROUND, NamedKind, NameMapping
 from pdpatrol.missions.site_map_files.site_frame import ring_area
+from pdpatrol.missions.site_map_files.site_pieces import RINGS, WALLS
 from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 
 NOWHERE = GeoreferenceConfig(latitude_deg=0.0, longitude_deg=0.0)
@@ -49,9 +50,6 @@ NAME_ATTRIBUTES = ("name", "ref", "tag", "designation")
 
 IN_WORLD = {"LINE", "POINT"}
 """Types whose coordinates are those of the world, whatever their extrusion."""
-
-LINES = ("fence", "kerb", "wall", "fire_wall", "cable_trench_cover")
-"""Kinds that stand along the lines of a block."""
 
 FILLS = {"HATCH", "MPOLYGON", "IMAGE", "WIPEOUT", "VIEWPORT"}
 """Types that fill an area whose outline is another entity, or no area."""
@@ -199,7 +197,7 @@ def _entities(entities: Iterable[DXFGraphic], mapping: NameMapping, handle: str)
             if any(each.row is not None for each in inner):
                 yield from inner
                 continue
-        if isinstance(entity, Insert) and row is not None and row.kind in LINES and block is not None:
+        if isinstance(entity, Insert) and row is not None and row.kind in (*RINGS, *WALLS) and block is not None:
             lines = (each for each in entity.virtual_entities() if _shows_size(each) and each.dxftype() not in FILLS)
             inner = [each for each in lines if not isinstance(each, Insert)]
             yield from (_Drawn(each, place, label, row, _is_hidden(entity)) for each in inner)

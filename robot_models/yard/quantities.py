@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 LEAST_YARD_M, MOST_YARD_M = 1.0, 400.0
-"""Maximum side length of a yard."""
+"""Smallest and largest side length of a yard."""
 
 MOST_PIECES = 1000
 """Maximum number of pieces of equipment in a yard; a large 400 kV station has half as many."""

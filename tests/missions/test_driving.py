@@ -223,7 +223,7 @@ def test_collision_is_mapped_and_backed_off_from(left_mps: float, yaw_radps: flo
 
 
 def test_touched_places_are_kept_although_someone_passes() -> None:
-    """Beams meet a standing obstacle again when someone has left, but never what is above their plane."""
+    """Beams meet a standing obstacle again when someone has left, but never one above their plane."""
     seen, moving, plan = SeenObstacles(), MovingObstacles(), SiteMap(OPEN_YARD)
     seen.add(np.array([[5.0, 5.0]]), 0.0, TOUCHED_S)
     seen.add(np.array([[5.2, 5.0]]), 0.0, SEEN_S)

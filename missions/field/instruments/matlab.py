@@ -19,7 +19,7 @@ RATES = {"sample_rate_hz", "samplerate", "sample_rate", "fs", "rate_hz"}
 TIMES = re.compile(r"(?i)(time|t)(s|_s)?")
 """Names of a vector of times in seconds."""
 
-OTHER_TIMES = re.compile(r"(?i)(time|t)_.*")
+OTHER_TIMES = re.compile(r"(?i)(time|t)_?(ms|us|ns|ps)")
 """Names of vectors of times in other units, which are not channels."""
 
 SAME_RATE = 0.01

@@ -17,9 +17,10 @@ def read_tdms(path: Path) -> WaveformRecord:
         ModuleNotFoundError: If nptdms is not installed.
     """
     from nptdms import TdmsFile  # in the extra `instruments`
-    from nptdms.log import log_manager
 
-    log_manager.set_level(logging.ERROR)  # a file that is cut off is an error below, not a warning
+    logging.getLogger("nptdms.reader").setLevel(
+        logging.ERROR
+    )  # a file that is cut off is an error below, not a warning
     try:
         groups = [group.channels() for group in TdmsFile.read(path).groups()]
         groups = [channels for channels in groups if channels]
@@ -27,15 +28,13 @@ def read_tdms(path: Path) -> WaveformRecord:
         every = [channel for channels in groups for channel in channels]
         interval_s = {float(channel.properties.get("wf_increment", np.nan)) for channel in every}
         start_s = [[float(each.properties.get("wf_start_offset", 0.0)) for each in channels] for channels in groups]
-        scale = [[_volts(channel) for channel in channels] for channels in groups]
         segments = [np.array(volts, dtype=np.float64) for volts in samples]
-    except _NotVoltsError:
-        raise
     except Exception as error:  # damaged bytes raise errors of many types
         raise ValueError(f"must be a TDMS file of numbers ({' '.join(str(error).split()):.100})") from None
     if len({volts.shape[-1] for volts in segments}) != 1 or len(interval_s) != 1 or not min(interval_s) > 0:
         raise ValueError("must have channels of one length, with one sampling interval wf_increment")
-    segments = [volts * np.array(of_group)[:, np.newaxis] for volts, of_group in zip(segments, scale, strict=True)]
+    scale = [np.array([[_volts(channel)] for channel in channels]) for channels in groups]
+    segments = [volts * of_group for volts, of_group in zip(segments, scale, strict=True)]
     names, rate_hz = [tuple(channel.name for channel in channels) for channels in groups], 1.0 / interval_s.pop()
     if len(set(names)) > 1:  # groups of other channels of the same pulse
         segments, start_s = [np.concatenate(segments)], [[each for of_group in start_s for each in of_group]]
@@ -48,15 +47,15 @@ def read_tdms(path: Path) -> WaveformRecord:
     return WaveformRecord.of(np.array(segments), rate_hz, names[0])
 
 
-class _NotVoltsError(ValueError):
-    """A channel is not in volts."""
-
-
 def _volts(channel: Any) -> float:  # noqa: ANN401 - nptdms is in an extra
-    """Return the factor from the samples of a channel to volts."""
+    """Return the factor from the samples of a channel to volts.
+
+    Raises:
+        ValueError: If it is in another unit, or not scaled.
+    """
     if channel.dtype.kind in "iu":
-        raise _NotVoltsError(f"{channel.name} must be scaled to volts, got whole numbers")
+        raise ValueError(f"{channel.name} must be scaled to volts, got whole numbers")
     unit = str(channel.properties.get("unit_string", "")).strip()
     if unit and unit.lower() not in VOLTS:
-        raise _NotVoltsError(f"{channel.name} must be in volts, got {unit}")
+        raise ValueError(f"{channel.name} must be in volts, got {unit}")
     return VOLTS.get(unit.lower(), 1.0)

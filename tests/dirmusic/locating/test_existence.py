@@ -70,7 +70,7 @@ def test_pulses_from_behind_equipment_hardly_count() -> None:
 
 
 def test_point_is_told_from_an_extended_image() -> None:
-    """Bearings and levels that scatter by more than their errors are no evidence against an extended image."""
+    """An extended image explains bearings and levels that scatter by more than their errors."""
     rng = np.random.default_rng(0)
 
     def evidence(bearing_std_rad: float, level_std_db: float) -> float:

@@ -129,7 +129,7 @@ def test_recording_shows_the_bodies_on_their_tracks(tmp_path: Path) -> None:
 
 
 def test_place_that_was_touched_is_remembered_longer_than_one_that_was_seen() -> None:
-    """No beam meets what the robot touched, so only its memory keeps it from touching that again."""
+    """No beam meets the piece that the robot touched, so only its memory keeps it from touching it again."""
     plan, seen = SiteMap(crossing_scenario(0, 0)), SeenObstacles()
     seen.add(np.array([[10.0, 8.0]]), 0.0, TOUCHED_S)
     seen.add(np.array([[10.0, 8.0], [12.0, 8.0]]), 5.0, SEEN_S)

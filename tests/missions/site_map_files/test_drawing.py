@@ -421,7 +421,7 @@ def test_hatch_is_not_a_second_piece(tmp_path: Path) -> None:
 
 
 def test_fence_within_a_block_has_its_sides(tmp_path: Path) -> None:
-    """An outline that is the only content of a block is the fence, also if it is no rectangle."""
+    """An outline that is the only content of a block is the fence, whatever its shape."""
     drawing = autocad()
     (outline,) = drawing.modelspace().query("LWPOLYLINE[layer=='S-FENCE']")
     block = drawing.blocks.new("FENCE_MAIN")
@@ -474,7 +474,7 @@ def test_nested_blocks_of_unknown_names_are_listed_quickly(tmp_path: Path) -> No
 @pytest.mark.parametrize("rotation_deg", [0.0, 90.0, 180.0])
 @pytest.mark.parametrize("kind", ["gis_outdoor", "gis_bay"])
 def test_long_block_keeps_its_direction(kind: str, rotation_deg: float, tmp_path: Path) -> None:
-    """A block that is drawn as its kind stands gives the same length and yaw, also where both ends differ."""
+    """Blocks that are drawn as their kind stands give the same length and yaw, also where both ends differ."""
     drawing = autocad()
     width, depth = (4e3, 9e3) if kind == "gis_outdoor" else (9e3, 4e3)
     drawing.blocks.new(kind.upper()).add_lwpolyline(square(0.0, 0.0, width, depth), close=True)
