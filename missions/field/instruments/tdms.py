@@ -18,23 +18,25 @@ def read_tdms(path: Path) -> WaveformRecord:
     """
     from nptdms import TdmsFile  # in the extra `instruments`
 
-    logging.getLogger("nptdms.reader").setLevel(
-        logging.ERROR
-    )  # a file that is cut off is an error below, not a warning
+    for name in ("nptdms.reader", "nptdms.tdms_segment"):  # a file that is cut off is an error below, not a warning
+        logging.getLogger(name).setLevel(logging.ERROR)
     try:
         groups = [group.channels() for group in TdmsFile.read(path).groups()]
         groups = [channels for channels in groups if channels]
-        samples = [[channel[:] for channel in channels] for channels in groups]
+        samples = [[np.asarray(channel[:], dtype=np.float64) for channel in channels] for channels in groups]
         every = [channel for channels in groups for channel in channels]
         interval_s = {float(channel.properties.get("wf_increment", np.nan)) for channel in every}
         start_s = [[float(each.properties.get("wf_start_offset", 0.0)) for each in channels] for channels in groups]
-        segments = [np.array(volts, dtype=np.float64) for volts in samples]
     except Exception as error:  # damaged bytes raise errors of many types
         raise ValueError(f"must be a TDMS file of numbers ({' '.join(str(error).split()):.100})") from None
-    if len({volts.shape[-1] for volts in segments}) != 1 or len(interval_s) != 1 or not min(interval_s) > 0:
+    if (
+        len({channel.size for channels in samples for channel in channels}) != 1
+        or len(interval_s) != 1
+        or not min(interval_s) > 0
+    ):
         raise ValueError("must have channels of one length, with one sampling interval wf_increment")
     scale = [np.array([[_volts(channel)] for channel in channels]) for channels in groups]
-    segments = [volts * of_group for volts, of_group in zip(segments, scale, strict=True)]
+    segments = [volts * of_group for volts, of_group in zip(samples, scale, strict=True)]
     names, rate_hz = [tuple(channel.name for channel in channels) for channels in groups], 1.0 / interval_s.pop()
     if len(set(names)) > 1:  # groups of other channels of the same pulse
         segments, start_s = [np.concatenate(segments)], [[each for of_group in start_s for each in of_group]]

@@ -286,6 +286,16 @@ def test_channel_of_tdms_that_is_not_in_volts_or_late_is_refused(
         read_record(tmp_path / "w")
 
 
+def test_cut_tdms_is_one_error_without_warnings(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "w") as writer:
+        writer.write_segment([nptdms.ChannelObject("p", c, noise(500), {"wf_increment": STEP_S}) for c in "ab"])
+    (tmp_path / "w").write_bytes((tmp_path / "w").read_bytes()[:-100])
+    with pytest.raises(ValueError, match="must have channels of one length"):
+        read_record(tmp_path / "w")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_millivolts_of_tdms_are_read(tmp_path: Path) -> None:
     nptdms, volts = pytest.importorskip("nptdms"), noise(500)
     about = {"wf_increment": STEP_S, "unit_string": "mV"}
