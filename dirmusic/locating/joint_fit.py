@@ -29,6 +29,7 @@ from dirmusic.locating.measurement import (
     N_HARMONICS,
     N_PLACE,
     N_POSE,
+    N_SHARED,
     N_TERMS,
     T_FREEDOM,
     TILT_X,
@@ -50,7 +51,7 @@ POSITION_PRIOR_M = 60.0
 """Prior standard deviation of a source about the mean of the positions from which it was detected (assumed). It keeps
 the covariance finite if all bearings lie on one line."""
 
-HEIGHT_PRIOR_M = (1.5, 1.2)
+HEIGHT_PRIOR_M = (2.0, 2.0)
 """Prior mean and standard deviation of the height of a source above the ground, metres (assumed): from cable boxes to
 bushings."""
 
@@ -421,8 +422,9 @@ class JointFit:
         errors = optimum.posterior.errors(optimum.state)
         share = errors.weight / np.maximum(self._probability, 1e-9)
         difference = expand(optimum.state, errors._replace(weight=errors.weight * (share - 1.0)), *data).hessian
+        of_ground = (self._source[:, np.newaxis] == self._source).astype(np.float64)
         for k, scores in enumerate(shared_scores(optimum.state, errors, *data).swapaxes(0, 1)):
-            correlation = self._of_pose if k < N_POSE else self._of_multipath
+            correlation = self._of_pose if k < N_POSE else of_ground if k < N_SHARED else self._of_multipath
             difference += scores.T @ (correlation - np.eye(len(correlation))) @ scores
         covariance = optimum.covariance + optimum.covariance @ difference @ optimum.covariance
         return 0.5 * (covariance + covariance.T)
@@ -452,7 +454,8 @@ class JointFit:
         """Return whether a source may be on the other side of the array's plane, or lies below the ground."""
         heights_m = optimum.state[2 : self._places_m.size : N_PLACE]
         return any(
-            height_m < 0.0 or self._other_side(optimum, k)[1] > LEAST_OTHER_SIDE for k, height_m in enumerate(heights_m)
+            height_m < 0.0 or (height_m < AMBIGUOUS_M and self._other_side(optimum, k)[1] > LEAST_OTHER_SIDE)
+            for k, height_m in enumerate(heights_m)
         )
 
     def _height_errors(self, optimum: Optimum, levels: ErrorLevels) -> FloatArray:
@@ -464,10 +467,13 @@ class JointFit:
         """
         result = np.zeros_like(optimum.covariance)
         for k in range(self._places_m.size // N_PLACE):
-            own, (other, share) = slice(N_PLACE * k, N_PLACE * (k + 1)), self._other_side(optimum, k)
-            off_m = (other - optimum.state)[own]
-            result[own, own] = min(share, 0.5) * np.outer(off_m, off_m)
-            result[own, own][2, 2] += (levels.pattern * (optimum.state[own][2] - self._array.height_m)) ** 2
+            own = slice(N_PLACE * k, N_PLACE * (k + 1))
+            height_m = optimum.state[own][2]
+            if height_m < AMBIGUOUS_M:
+                other, share = self._other_side(optimum, k)
+                off_m = (other - optimum.state)[own]
+                result[own, own] = min(share, 0.5) * np.outer(off_m, off_m)
+            result[own, own][2, 2] += (levels.pattern * (height_m - self._array.height_m)) ** 2
         return result
 
 

@@ -214,7 +214,8 @@ class Locator:
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
-        """Associate and fit all pulses so far until both agree, and return all findings."""
+        """Associate and fit all pulses so far until both agree, check known errors, and return all findings."""
+        self._n_checked = 0
         for _ in range(3):
             for track in self._tracks:
                 track.fitted = NEVER_FITTED
@@ -404,8 +405,8 @@ class Locator:
         best = [track for track in tracks if track.state == "confirmed"]
         if not best:
             best = sorted((t for t in tracks if t.state == "candidate"), key=lambda t: -t.log_odds)[:1]
-        if best:
-            is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
+        is_new = self.estimate is None or not self._array_tracks & {track.id for track in best}
+        if any(is_new or self._has_changed(track) for track in best):
             self._array_tracks = {track.id for track in best}
             self.estimate = self._fit(best, rounds=4 if is_new else rounds, is_new=is_new)
             self.estimate = self._check_known_errors(best, self.estimate)

@@ -30,8 +30,8 @@ from dirmusic.pulses.strengths import dot
 N_PLACE = 3
 """Number of states of a source: x, y, and height above the ground."""
 
-N_POSE, N_SHARED = 3, 4
-"""Number of errors of the pose, and with the phase of the ground wave."""
+N_POSE, N_SHARED = 3, 5
+"""Number of errors of the pose, and with the two of the phase of the ground wave."""
 
 WIDENING, TILT_X, TILT_Y, GROUND = range(4)
 """Order of the states of the mount and the ground: relative widening of the beam, tilt of the array about its x and y
@@ -55,6 +55,15 @@ grazing angle of 20 degrees, within the prior of the state `GROUND`."""
 COHERENCE_M = 0.3
 """Excess path at which the coherence of direct and ground wave has fallen to exp(-1/2): that of a pulse with an rms
 bandwidth of 160 MHz (Dir-MUSIC, section 4.2)."""
+
+GATE_M, GATE_SPREAD_M = 0.83, 0.17
+"""Excess path at which half of the energy of the ground wave arrives after the end of the gate, and its spread.
+Assumed: a gate that ends 3.5 ns after the strongest channel has reached half its peak, and pulses whose energy arrives
+0.75 ns after it, with a deviation of 0.57 ns. A longer gate raises strengths of sources above 5 m by up to 4 %."""
+
+WAVELENGTH_M = 0.167
+"""Wavelength at the middle of the band of the Dir-MUSIC paper, 1.8 GHz (assumed). It affects only how the interference
+of direct and ground wave differs between elements and places."""
 
 LEAST_UNEXPLAINED, MULTIPATH_M = 0.01, 10.0
 """Relative error of a strength near a source that no state explains, and typical excess path of a reflection, metres
@@ -181,7 +190,9 @@ def ground_wave(length_m: float, reflected_m: float, rise_m: float) -> tuple[flo
     perpendicular = (cosine - root) / (cosine + root)
     parallel = (PERMITTIVITY * cosine - root) / (PERMITTIVITY * cosine + root)
     power = 0.5 * (perpendicular * perpendicular + parallel * parallel) * (length_m / reflected_m) ** 2
-    coherence = math.exp(-0.5 * ((reflected_m - length_m) / COHERENCE_M) ** 2)
+    excess_m = reflected_m - length_m
+    power *= 0.5 * math.erfc((excess_m - GATE_M) / (math.sqrt(2.0) * GATE_SPREAD_M))
+    coherence = math.exp(-0.5 * (excess_m / COHERENCE_M) ** 2)
     return power * (1.0 - 0.5 * coherence * coherence), math.sqrt(power) * coherence
 
 
@@ -382,7 +393,9 @@ def predict(
         for i in range(deviation.size):
             of_array[terms + i] = by_direct * of_array[terms + i] + by_image * of_term[i]
         shared[e, 0], shared[e, 1] = noise.position_m * slope[e, 0], noise.position_m * slope[e, 1]
-        shared[e, 2], shared[e, 3] = noise.heading_rad * turn, larger * image.gain * coherent / ground
+        shared[e, 2], interference = noise.heading_rad * turn, math.sqrt(0.5) * larger * image.gain * coherent / ground
+        phase = 2.0 * math.pi / WAVELENGTH_M * (reflected_m - length)
+        shared[e, 3], shared[e, 4] = interference * math.cos(phase), interference * math.sin(phase)
     remove_amplitude(model, slope[:, : N_PLACE + N_COMMON])
     remove_amplitude(model, shared[:, :N_SHARED])
     amplitude = dot(pulses.strengths[k], model) / dot(model, model)
@@ -399,7 +412,7 @@ def predict(
         for i in range(e + 1):
             covariance[e, i] = covariance[i, e] = dot(shared[e, :N_SHARED], shared[i, :N_SHARED])
         covariance[e, e] += shared[e, N_SHARED + e] ** 2
-        by_shared += covariance[e, e] - shared[e, N_POSE] ** 2
+        by_shared += covariance[e, e] - shared[e, N_POSE] ** 2 - shared[e, N_POSE + 1] ** 2
         if usable[e]:
             by_noise += pulses.variance[k, e]
             covariance[e, e] += pulses.variance[k, e] + TINY_VARIANCE

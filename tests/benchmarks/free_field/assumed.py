@@ -25,7 +25,16 @@ from dirmusic.locating.pulse_pool import PulsePool
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.user_code import make_estimator
 from tests.benchmarks.free_field.cases import Case
-from tests.dirmusic.locating.forward_model import Nature, distorted, gains, ground_effect, image_of, modelled, sights
+from tests.dirmusic.locating.forward_model import (
+    Nature,
+    distorted,
+    gains,
+    ground_effect,
+    ground_phase,
+    image_of,
+    modelled,
+    sights,
+)
 
 NUDGE = 1e-5
 """Step of the finite differences in the bound, in metres, radians and units of gain."""
@@ -55,7 +64,8 @@ def as_assumed(case: Case, seed: int) -> AssumedCase:
     state = prior.mean + prior.root @ rng.standard_normal(prior.mean.size)
     nature, group = _nature(state), _groups(case)
     clean = _strengths(case, case.sources_m[0], nature)
-    clean += rng.standard_normal(group.max() + 1)[group, np.newaxis] * _interference(case, nature)
+    phases = rng.standard_normal((group.max() + 1, 2))[group]
+    clean += (_interference(case, nature) * phases[:, np.newaxis]).sum(axis=-1)
     noise_v = np.sqrt(pulses.variance_v2) * rng.standard_normal(clean.shape)
     changed = pulses._replace(strengths_v=np.abs(amplitude[:, np.newaxis] * clean + noise_v))
     estimator = make_estimator("maximum_likelihood", case.array)
@@ -73,8 +83,8 @@ def position_bound(assumed: AssumedCase) -> FloatArray:
     .. math:: F = \sum_k D_k^T (I - u_k u_k^T) D_k + P^{-1},
         \quad D_k = C_k^{-1/2} \alpha_k \frac{\partial h_k}{\partial \theta}, \quad u_k \propto C_k^{-1/2} h_k
 
-    The m pulses of a group share their interference q. They have the information of independent pulses with
-    :math:`C_k = \Sigma_k + m \alpha_k^2 q_k q_k^T`. Assumed: the information at the drawn states is that of its mean
+    The m pulses of a group share their interference q, (n_elements, 2). They have the information of independent pulses
+    with :math:`C_k = \Sigma_k + m \alpha_k^2 q_k q_k^T`. Assumed: the information at the drawn states is its mean
     over their prior.
 
     Returns:
@@ -92,8 +102,8 @@ def position_bound(assumed: AssumedCase) -> FloatArray:
         for i in range(prior.mean.size)
     ]
     slope = scale * np.stack([(later - earlier) / (2.0 * NUDGE) for later, earlier in ends], axis=-1)
-    interference = scale * _interference(case, nature)[:, :, np.newaxis]
-    covariance = np.bincount(group)[group][:, np.newaxis, np.newaxis] * interference * interference.swapaxes(1, 2)
+    interference = scale * _interference(case, nature)
+    covariance = np.bincount(group)[group][:, np.newaxis, np.newaxis] * interference @ interference.swapaxes(1, 2)
     covariance += case.pulses.variance_v2[:, :, np.newaxis] * np.eye(case.array.manifold.n_elements)
     root = np.linalg.cholesky(covariance)
     slope, towards = np.linalg.solve(root, slope), np.linalg.solve(root, towards)
@@ -141,10 +151,15 @@ def _strengths(case: Case, source_m: FloatArray, nature: Nature) -> FloatArray:
 
 
 def _interference(case: Case, nature: Nature) -> FloatArray:
-    """Return the standard deviation of these strengths by interference with the ground wave; equal signs in all."""
+    """Return standard deviations of these strengths by interference with the ground wave, in phase and in quadrature.
+
+    The shape is (n_pulses, n_elements, 2).
+    """
     pose = case.true_pose[case.step]
     place_m = np.tile(case.sources_m[0], (len(pose), 1))
     vector = sights(pose, place_m, case.array)
     image = gains(sights(pose, image_of(place_m), case.array), case.array, nature)
-    own = (1.0 + nature.errors.gain) * case.array.manifold.gain_factors
-    return own * image * ground_effect(pose, place_m, case.array)[1] / np.linalg.norm(vector, axis=0)
+    own = (1.0 + nature.errors.gain) * case.array.manifold.gain_factors / np.sqrt(2.0)
+    change = own * image * ground_effect(pose, place_m, case.array)[1] / np.linalg.norm(vector, axis=0)
+    phase = ground_phase(pose, place_m, case.array)
+    return np.stack([change * np.cos(phase), change * np.sin(phase)], axis=-1)

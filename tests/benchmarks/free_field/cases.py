@@ -57,18 +57,21 @@ class Case(NamedTuple):
     step: IntArray
 
 
-def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
+def draw_case(
+    seed: int, n_sources: int = 1, *, heights_m: tuple[float, float] = HEIGHTS_M, is_exact: bool = False
+) -> Case:
     """Draw a drive from a seed.
 
     Args:
         seed: Seed of all draws.
         n_sources: Number of sources: one in the middle of the loop, 5 to 10 m from it, or several near there.
+        heights_m: Range of their heights.
         is_exact: Leave out the errors of array and poses and the ground, so that only noise remains.
     """
     scenario = empty_yard(n_sources, is_exact)
     surroundings = Surroundings() if is_exact else surroundings_of(scenario.yard)
     generators = Generators.spawn(np.random.default_rng(seed))
-    sources_m, loop = _draw_places(scenario.yard.size_m, n_sources, generators.policy)
+    sources_m, loop = _draw_places(scenario.yard.size_m, n_sources, heights_m, generators.policy)
     names = [source.name for source in scenario.sources]
     fixed = ResetOptions(None, dict(zip(names, sources_m, strict=True)))
     episode = Episode.draw(scenario, surroundings, generators, fixed)
@@ -125,7 +128,7 @@ def with_wild_bearings(case: Case, share: float, seed: int) -> Case:
 
 
 def _draw_places(
-    size_m: tuple[float, float], n_sources: int, rng: np.random.Generator
+    size_m: tuple[float, float], n_sources: int, heights_m: tuple[float, float], rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Draw sources (n_sources, 3) and the poses (n_steps, 3) of a loop around them with a random start."""
     centre_m = np.array([rng.uniform(MOST_RANGE_M, length_m - MOST_RANGE_M) for length_m in size_m])
@@ -140,7 +143,7 @@ def _draw_places(
     while n_sources > 1 and pdist(plan_m).min() < LEAST_APART_M:
         from_centre_m = SOURCES_WITHIN_M * np.sqrt(rng.random(n_sources))
         plan_m = centre_m + _from_polar(from_centre_m, rng.uniform(-np.pi, np.pi, n_sources))
-    return np.column_stack([plan_m, rng.uniform(*HEIGHTS_M, n_sources)]), _driven(path_m)
+    return np.column_stack([plan_m, rng.uniform(*heights_m, n_sources)]), _driven(path_m)
 
 
 def _from_polar(radius_m: FloatArray, angle_rad: FloatArray) -> FloatArray:

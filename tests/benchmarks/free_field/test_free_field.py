@@ -25,8 +25,8 @@ from tests.benchmarks.shares import few_or_many, share
 FEW, FEW_WILD = 4, 16
 """Numbers of cases in the short run; wild bearings affect only some cases, and need more of them."""
 
-MANY, MANY_DRAWN = 2000, 300
-"""Numbers of cases in the long run: by the shipped models, and drawn from the model of the Locator."""
+MANY, MANY_DRAWN, MANY_HIGH = 2000, 300, 100
+"""Numbers of cases in the long run: by the shipped models, drawn from the model of the Locator, and high sources."""
 
 WILD_SHARE = 0.3
 NOISE = 30.0
@@ -52,6 +52,19 @@ def test_source_in_the_free_field_lies_in_its_ellipse(n_cases: int) -> None:
     assert near.high >= 0.95
     assert inside.high >= 0.92
     assert inside.low <= 0.98
+
+
+@few_or_many(FEW, MANY_HIGH)
+def test_heights_of_high_sources_are_unbiased(n_cases: int) -> None:
+    """Sources are as high as the bushings of a large transformer; their ground wave arrives after the gate."""
+    sigmas = list[float]()
+    for seed in range(n_cases):
+        case = draw_case(seed, heights_m=(4.0, 8.0))
+        best = max(locate(case), key=lambda finding: finding.n_bearings)
+        sigmas.append((best.position_m[2] - case.sources_m[0, 2]) / best.height_std_m)
+    print(f"\n{n_cases} heights: mean error {np.mean(sigmas):.2f} and root mean square {np.std(sigmas):.2f} deviations")
+    assert abs(np.mean(sigmas)) < 0.5
+    assert np.mean(np.abs(sigmas) < 1.96) >= 0.9
 
 
 @few_or_many(FEW_WILD, MANY)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
+from scipy.special import ndtr
 
 from dirmusic import ArrayModel, ElementErrors, ElementSpread, GainManifold, PoseError
 from dirmusic.array.pattern import TabulatedPattern
@@ -89,10 +90,19 @@ def image_of(place_m: FloatArray) -> FloatArray:
 
 
 def ground_effect(pose: FloatArray, place_m: FloatArray, array: ArrayModel) -> tuple[FloatArray, FloatArray]:
-    """Return the share of energy that the ground wave adds for equal gains, and its coherent amplitude; (n, 6)."""
+    """Return the share of energy that the ground wave adds within the gate for equal gains, and its coherent amplitude.
+
+    Both have the shape (n, 6).
+    """
     perpendicular, parallel, excess_m = reflection(sights(pose, place_m, array), sights(pose, image_of(place_m), array))
     power, coherence = 0.5 * (perpendicular**2 + parallel**2), np.exp(-0.5 * (excess_m / 0.3) ** 2)
+    power *= ndtr((0.83 - excess_m) / 0.17)
     return power * (1.0 - 0.5 * coherence**2), np.sqrt(power) * coherence
+
+
+def ground_phase(pose: FloatArray, place_m: FloatArray, array: ArrayModel) -> FloatArray:
+    """Return the phase of the ground wave behind the direct one at 0.167 m wavelength, up to a constant; (n, 6)."""
+    return 2.0 * np.pi / 0.167 * reflection(sights(pose, place_m, array), sights(pose, image_of(place_m), array))[2]
 
 
 def modelled(

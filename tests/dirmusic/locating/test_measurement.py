@@ -33,6 +33,7 @@ from tests.dirmusic.locating.forward_model import (
     drawn_errors,
     gains,
     ground_effect,
+    ground_phase,
     image_of,
     modelled,
     sights,
@@ -191,9 +192,12 @@ def test_covariance_is_that_of_pose_noise_and_ground() -> None:
         _, coherent = ground_effect(one, place_m, ARRAY)
         larger = MANIFOLD.gain_factors * (1 + NATURE.errors.gain)
         ground = larger * image * coherent[0] / np.linalg.norm(sights(one, place_m, ARRAY), axis=0)[0]
+        phase, ground = ground_phase(one, place_m, ARRAY)[0], ground / np.sqrt(2.0)
         turn = change[:, 13:19].sum(axis=1)  # of all boresights
         pose = [NOISE.position_m * change[:, 0], NOISE.position_m * change[:, 1], NOISE.heading_rad * turn]
-        nuisance = amplitude * across(result.model, np.column_stack([*pose, ground]))
+        nuisance = amplitude * across(
+            result.model, np.column_stack([*pose, ground * np.cos(phase), ground * np.sin(phase)])
+        )
         unexplained = unexplained_error(one, PLACE_M, NOISE.unexplained * pulses.weakening[k])[0]
         own = np.square(unexplained * amplitude * result.model)
         expected = nuisance @ nuisance.T + np.diag(own + 0.01**2 + TINY_VARIANCE)
