@@ -12,9 +12,10 @@ from pdpatrol.missions.sweep.dataset import Dataset
 from tests.processes import PDPATROL
 
 ROOT = Path(__file__).parents[3]
-BANDS = {"n_found": -4, "false_findings": 2, "contacts": 2}
+BANDS = {"n_found": -4, "false_findings": 2, "touches": 2}
 """Largest change of the totals over 48 missions. By chance, one change of the code in a thousand exceeds these bands or
-that of the error."""
+that of the error. `touches` is 1 for a mission with contacts: a robot whose map lacks a transformer touches its
+radiators, which are above the lidar's plane, several times or not at all."""
 
 MAX_ERROR_RATIO = 1.55
 
@@ -27,11 +28,13 @@ def test_missions_are_no_worse_than_the_stored_ones(tmp_path: Path) -> None:
     rows = Dataset(tmp_path / "guard").read()
     before, now = pair_up(rows, str(ROOT / "docs" / "results" / "public"), str(tmp_path / "guard"))
     assert len(now) == len(rows) == 3 * len(yards)
+    for missions in (before, now):
+        missions["touches"] = missions["contacts"] > 0
     change = {column: now[column].sum() - before[column].sum() for column in ("n_sources", *BANDS)}
     assert change["n_sources"] == 0
     assert change["n_found"] >= BANDS["n_found"], change
     assert change["false_findings"] <= BANDS["false_findings"], change
-    assert change["contacts"] <= BANDS["contacts"], change
+    assert change["touches"] <= BANDS["touches"], change
     log_errors = [
         [np.mean(np.log(errors_m)) for errors_m in pair]
         for pair in zip(before["errors_m"], now["errors_m"], strict=True)
