@@ -53,7 +53,7 @@ the covariance finite if all bearings lie on one line."""
 
 HEIGHT_PRIOR_M = (2.0, 2.0)
 """Prior mean and standard deviation of the height of a source above the ground, metres (assumed): from cable boxes to
-bushings."""
+the bushings of large transformers. With 1.5 and 1.2 m, heights of 4 to 8 m were 0.3 m too low."""
 
 LEVEL_PRIOR_DB = (-5.0, 6.0)
 """Prior mean and standard deviation of the level of a discharge at 1 m, dB relative to 1 V (assumed). While all lines

@@ -31,7 +31,7 @@ N_PLACE = 3
 """Number of states of a source: x, y, and height above the ground."""
 
 N_POSE, N_SHARED = 3, 5
-"""Number of errors of the pose, and with the two of the phase of the ground wave."""
+"""Number of errors of the pose, and of these with the cosine and the sine of the phase of the ground wave."""
 
 WIDENING, TILT_X, TILT_Y, GROUND = range(4)
 """Order of the states of the mount and the ground: relative widening of the beam, tilt of the array about its x and y
@@ -168,10 +168,10 @@ def ground_wave(length_m: float, reflected_m: float, rise_m: float) -> tuple[flo
     r"""Return the expected effect of the wave reflected by level ground.
 
     The polarisation of the source and the phase between both waves are unknown. With the Fresnel coefficients
-    :math:`\Gamma` of `PERMITTIVITY` and the coherence c, the energy grows by the factor :math:`1 + \rho^2 x^2`, where x
-    is the ratio of the gains and
+    :math:`\Gamma` of `PERMITTIVITY`, the share G of the energy that arrives before the end of the gate, and the
+    coherence c, the energy grows by the factor :math:`1 + \rho^2 x^2`, where x is the ratio of the gains and
 
-    .. math:: \rho^2 = \frac{\Gamma_\perp^2 + \Gamma_\parallel^2}{2} \left(\frac{r}{r_g}\right)^2
+    .. math:: \rho^2 = G \frac{\Gamma_\perp^2 + \Gamma_\parallel^2}{2} \left(\frac{r}{r_g}\right)^2
               \left(1 - \frac{c^2}{2}\right)
 
     The last factor is the second-order mean of the root of the energy. Interference changes a strength by
@@ -281,8 +281,8 @@ class Prediction(NamedTuple):
             N_PLACE + n_array_states), up to multiples of the model.
         covariance: Covariance of the measured strengths, shape (n_elements, n_elements).
         shared: Change of the measured strengths by one standard deviation of each error that neighbouring pulses share,
-            shape (n_elements, N_SHARED + n_elements): x, y and heading of the pose, phase of the ground wave, multipath
-            in each element.
+            shape (n_elements, N_SHARED + n_elements): x, y and heading of the pose, cosine and sine of the phase of the
+            ground wave, multipath in each element.
     """
 
     model: FloatArray
