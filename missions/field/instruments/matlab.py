@@ -1,5 +1,6 @@
 """Files of MATLAB, through scipy.io and, from version 7.3 on, h5py; and HDF5 files with the same names."""
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,10 @@ def read_matlab(path: Path) -> WaveformRecord:
         ValueError: If the file is damaged, or has no waveforms.
     """
     try:
-        kinds = {name: kind for name, _, kind in whosmat(path)}
+        contents = whosmat(path)
+        if sum(8 * math.prod(shape) for _, shape, _ in contents) > MAX_BYTES:  # known before they are decompressed
+            raise ValueError(f"arrays must be smaller than {MAX_BYTES / 1e6:g} MB together")
+        kinds = {name: kind for name, _, kind in contents}
         arrays = {name: array for name, array in loadmat(path).items() if isinstance(array, np.ndarray)}
         for name, array in arrays.items():  # whole numbers of the class `double` are stored as integers
             if array.dtype.kind in "iu" and kinds.get(name) in ("double", "single"):
@@ -56,8 +60,8 @@ def read_hdf5(path: Path, *, is_matlab: bool) -> WaveformRecord:
 
     def add(path: str, item: object) -> None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufc":
-            if item.nbytes > MAX_BYTES:
-                raise ValueError(f"datasets must be smaller than {MAX_BYTES / 1e6:g} MB, {path} is not")
+            if item.nbytes + sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
+                raise ValueError(f"datasets must be smaller than {MAX_BYTES / 1e6:g} MB together")
             array, name = np.asarray(item), path.rpartition("/")[2]
             if name in arrays:
                 repeated.append(name)

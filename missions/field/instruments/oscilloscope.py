@@ -5,6 +5,7 @@ Known vendors: Rigol, Agilent and Keysight, Siglent, Rohde & Schwarz, LeCroy, Te
 
 import gc
 import re
+import struct
 import warnings
 from pathlib import Path
 
@@ -47,14 +48,32 @@ def read_oscilloscope_file(path: Path) -> WaveformRecord:
         reason = " ".join(str(error).replace(f"{header.parent}/", "").split())
         raise ValueError(f"must be text or a binary file of a known oscilloscope ({reason:.100})") from None
     units = {each.unit.name for each in channels}
-    _check_header(read_whole(header, MAX_BYTES), volts.shape[-1])
+    data = read_whole(header, MAX_BYTES)
+    _check_header(data, volts.shape[-1])
     if len(rates_hz) != 1 or units != {"v"}:
         raise ValueError(f"must have channels in volts of one rate, got {len(channels)} in {', '.join(sorted(units))}")
-    return WaveformRecord.of(volts, rates_hz.pop(), tuple(each.name for each in channels))
+    segments = volts.reshape(len(channels), _count_segments(data, volts.shape[-1]), -1).swapaxes(0, 1)
+    return WaveformRecord.of(segments, rates_hz.pop(), tuple(each.name for each in channels))
 
 
-VERTICAL_UNIT = slice(196, 244)
-"""Place of the unit of the samples after the word WAVEDESC in files of LeCroy (LECROY_2_3 template, VERTUNIT)."""
+BYTE_ORDER, N_SEGMENTS, VERTICAL_UNIT = 34, 144, slice(196, 244)
+"""Places after the word WAVEDESC in files of LeCroy (LECROY_2_3 template): COMM_ORDER, SUBARRAY_COUNT, and VERTUNIT."""
+
+
+def _count_segments(data: bytes, n_samples: int) -> int:
+    """Return the number of segments of a file of LeCroy, which records one for each trigger in a sequence; 1 of others.
+
+    Raises:
+        ValueError: If the segments cannot have one length.
+    """
+    at = data[:8192].find(b"WAVEDESC")
+    if at < 0 or b"LECROY_2_3" not in data[at : at + 32]:
+        return 1
+    order = "<" if data[at + BYTE_ORDER] else ">"
+    n = max(struct.unpack_from(f"{order}i", data, at + N_SEGMENTS)[0], 1)
+    if n_samples % n:
+        raise ValueError(f"must have {n} segments of one length as its header states, got {n_samples} samples")
+    return int(n)
 
 
 def _check_header(data: bytes, n_samples: int) -> None:

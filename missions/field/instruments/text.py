@@ -54,6 +54,9 @@ NO_COLUMNS = {*INTERVAL_KEYS, "start"}
 TIME_NAME = re.compile(r"(?i)(time|second|t$|t_s$|x$|x-axis|x_value$)")
 """Start of the name of a column of times."""
 
+QUOTED = re.compile(r'(?m)(^|,)\s*"([^",]*\d),(\d[^",]*)"\s*(?=,|$)')
+"""Number with a decimal comma in quotation marks, in a line with commas between the cells."""
+
 BLANK = " ,;\t\r"
 """Characters of a line without contents."""
 
@@ -94,7 +97,7 @@ def read_text(path: Path) -> WaveformRecord:
     Raises:
         ValueError: If no rows of numbers are found, or their times or units are not those of a waveform.
     """
-    text = _text(path)
+    text = QUOTED.sub(r"\1\2.\3", _text(path))
     lines = text.splitlines()
     layout = _layout(lines, is_ended=text.endswith(("\n", "\r")))
     numbered = [k for k in range(layout.first, len(lines)) if lines[k].strip(BLANK)]

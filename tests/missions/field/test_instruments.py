@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dirmusic.arrays import FloatArray
-from pdpatrol.missions.field.instruments import WaveformRecord, read_record
+from pdpatrol.missions.field.instruments import WaveformRecord, matlab, read_record
+from pdpatrol.missions.field.instruments.oscilloscope import N_SEGMENTS
 from tests.missions.field.dialects import DIALECTS, STEP_S
 from tests.missions.field.surveys import SHARED
 
@@ -171,6 +172,15 @@ def test_decimal_commas_are_found_in_several_lines(tmp_path: Path) -> None:
     assert read_record(tmp_path / "w.csv").volts[0, 0, -1] == 0.1
 
 
+def test_decimal_commas_in_quotation_marks_are_read(tmp_path: Path) -> None:
+    rows = [
+        ",".join(f'"{cell.replace(".", ",")}"' for cell in line.split(","))
+        for line in lines_of(row="{:.4e},{:.7e},{:.7e},{:.7e}")
+    ]
+    (tmp_path / "w.csv").write_text("\n".join(rows))
+    np.testing.assert_allclose(read_record(tmp_path / "w.csv").volts[0], np.array(ROWS)[:, 1:].T, atol=1e-9)
+
+
 def test_units_left_of_the_rows_are_read(tmp_path: Path) -> None:
     """Older Tektronix oscilloscopes write keys and values to the left of the first rows."""
     keys = ["Record Length,400,Points", "Sample Interval,5e-11,s", "Vertical Units,mV,"] + [",,"] * 397
@@ -237,6 +247,19 @@ def test_matlab_and_hdf5_are_read(tmp_path: Path) -> None:
         record = read_record(tmp_path / name)
         np.testing.assert_array_equal(record.volts, expected)
         assert record.sample_rate_hz == pytest.approx(1 / STEP_S)
+
+
+def test_arrays_that_are_too_large_are_not_decompressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    h5py, savemat = pytest.importorskip("h5py"), pytest.importorskip("scipy.io").savemat
+    volts = {name: np.zeros(500) for name in "AB"}
+    savemat(tmp_path / "a", {**volts, "Tinterval": STEP_S}, appendmat=False, do_compression=True)
+    with h5py.File(tmp_path / "b", "w") as file:
+        for name, channel in volts.items():
+            file.create_dataset(name, data=channel, compression="gzip")
+    monkeypatch.setattr(matlab, "MAX_BYTES", 7000)
+    for name in "ab":
+        with pytest.raises(ValueError, match=r"must be smaller than 0\.007 MB together"):
+            read_record(tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -363,7 +386,7 @@ def test_channels_of_sigmf_are_read(tmp_path: Path) -> None:
         ("MSO5000-A.bin", (1, 4, 1000), 2e5),
         ("agilent_1.bin", (1, 1, 2000), 2e6),
         ("agilent_3.bin", (1, 2, 4000), 2e9),
-        ("lecroy_3.trc", (1, 1, 10040), 1e9),
+        ("lecroy_3.trc", (20, 1, 502), 1e9),
         ("lecroy_4.trc", (1, 1, 502), 1e9),
         ("rs_rtp_01.bin", (1, 1, 4000), 8e5),
         ("rs_rtp_01.Wfm.bin", (1, 1, 4000), 8e5),
@@ -374,6 +397,15 @@ def test_files_of_oscilloscopes_have_the_shape_of_their_headers(
 ) -> None:
     record = read_record(SCOPES / name)
     assert (record.samples.shape, record.sample_rate_hz) == (shape, pytest.approx(rate_hz, rel=1e-6))
+
+
+@needs_scopes
+def test_segments_of_different_lengths_are_refused(tmp_path: Path) -> None:
+    data = bytearray((SCOPES / "lecroy_3.trc").read_bytes())
+    data[data.index(b"WAVEDESC") + N_SEGMENTS] = 7
+    (tmp_path / "seven.trc").write_bytes(data)
+    with pytest.raises(ValueError, match="must have 7 segments of one length as its header states, got 10040 samples"):
+        read_record(tmp_path / "seven.trc")
 
 
 @needs_scopes
