@@ -57,9 +57,10 @@ COHERENCE_M = 0.3
 bandwidth of 160 MHz (Dir-MUSIC, section 4.2)."""
 
 GATE_M, GATE_SPREAD_M = 0.83, 0.17
-"""Excess path at which half of the energy of the ground wave arrives after the end of the gate, and its spread.
-Assumed: a gate that ends 3.5 ns after the strongest channel has reached half its peak, and pulses whose energy arrives
-0.75 ns after it, with a deviation of 0.57 ns. A longer gate raises strengths of sources above 5 m by up to 4 %."""
+"""Path beyond that to the nearest element at which half of the energy of a wave arrives after the end of the gate, and
+its spread. Assumed: a gate for all channels that ends 3.5 ns after the strongest one has reached half its peak, and
+pulses whose energy arrives 0.75 ns after it, with a deviation of 0.57 ns. A longer gate raises strengths of sources
+above 5 m by up to 4 %."""
 
 WAVELENGTH_M = 0.167
 """Wavelength at the middle of the band of the Dir-MUSIC paper, 1.8 GHz (assumed). It affects only how the interference
@@ -164,7 +165,7 @@ def deviation_towards(
 
 
 @compiled_inner
-def ground_wave(length_m: float, reflected_m: float, rise_m: float) -> tuple[float, float]:
+def ground_wave(length_m: float, reflected_m: float, rise_m: float, nearest_m: float) -> tuple[float, float]:
     r"""Return the expected effect of the wave reflected by level ground.
 
     The polarisation of the source and the phase between both waves are unknown. With the Fresnel coefficients
@@ -181,6 +182,7 @@ def ground_wave(length_m: float, reflected_m: float, rise_m: float) -> tuple[flo
         length_m: Length r of the direct path.
         reflected_m: Length :math:`r_g` of the reflected path.
         rise_m: Sum of the heights of source and element.
+        nearest_m: Length of the direct path to the nearest element, whose pulse starts the gate.
 
     Returns:
         :math:`\rho^2` and :math:`\rho_0 c`.
@@ -191,7 +193,7 @@ def ground_wave(length_m: float, reflected_m: float, rise_m: float) -> tuple[flo
     parallel = (PERMITTIVITY * cosine - root) / (PERMITTIVITY * cosine + root)
     power = 0.5 * (perpendicular * perpendicular + parallel * parallel) * (length_m / reflected_m) ** 2
     excess_m = reflected_m - length_m
-    power *= 0.5 * math.erfc((excess_m - GATE_M) / (math.sqrt(2.0) * GATE_SPREAD_M))
+    power *= 0.5 * math.erfc((reflected_m - nearest_m - GATE_M) / (math.sqrt(2.0) * GATE_SPREAD_M))
     coherence = math.exp(-0.5 * (excess_m / COHERENCE_M) ** 2)
     return power * (1.0 - 0.5 * coherence * coherence), math.sqrt(power) * coherence
 
@@ -355,6 +357,12 @@ def predict(
     model[:] = 0.0
     slope[:] = 0.0
     shared[:] = 0.0
+    nearest_m = math.inf
+    for e in range(n):
+        if usable[e]:
+            ahead = cos_yaw * x + sin_yaw * y - array.positions_m[e, 0]
+            left = cos_yaw * y - sin_yaw * x - array.positions_m[e, 1]
+            nearest_m = min(nearest_m, math.sqrt(ahead * ahead + left * left + (z - array.positions_m[e, 2]) ** 2))
     for e in range(n):
         if not usable[e]:
             continue
@@ -369,7 +377,7 @@ def predict(
         boresight = Boresight(cos * of[0] - sin * of[1], sin * of[0] + cos * of[1], of[2], of[3])
         direct = gain_of_point(array.pattern, boresight, ahead, left, up, array_state, deviation, of_array[terms:])
         image = gain_of_point(array.pattern, boresight, ahead, left, below, array_state, deviation, of_term)
-        power, coherent = ground_wave(length, reflected_m, -below)
+        power, coherent = ground_wave(length, reflected_m, -below, nearest_m)
         power *= array_state[GROUND] * (image.gain / direct.gain) ** 2
         energy = power * array_state[GROUND]
         ground = math.sqrt(1.0 + energy)

@@ -3,6 +3,7 @@
 A share passes when its 95 % Wilson interval reaches the required value.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -21,9 +22,11 @@ from tests.benchmarks.free_field.figures import (
     ospa_m,
 )
 from tests.benchmarks.shares import few_or_many, share
+from tests.dirmusic.locating.forward_model import Nature, modelled
 
-FEW, FEW_WILD = 4, 16
-"""Numbers of cases in the short run; wild bearings affect only some cases, and need more of them."""
+FEW, FEW_WILD, FEW_STRENGTHS = 4, 16, 50
+"""Numbers of cases in the short run; wild bearings affect only some cases, and interference differs from case to case, so
+that they need more of them."""
 
 MANY, MANY_DRAWN, MANY_HIGH = 2000, 300, 100
 """Numbers of cases in the long run: by the shipped models, drawn from the model of the Locator, and high sources."""
@@ -65,6 +68,23 @@ def test_heights_of_high_sources_are_unbiased(n_cases: int) -> None:
     print(f"\n{n_cases} heights: mean error {np.mean(sigmas):.2f} and root mean square {np.std(sigmas):.2f} deviations")
     assert abs(np.mean(sigmas)) < 0.5
     assert np.mean(np.abs(sigmas) < 1.96) >= 0.9
+
+
+@few_or_many(FEW_STRENGTHS, MANY)
+def test_front_and_back_of_the_array_have_the_modelled_strengths(n_cases: int) -> None:
+    """The wave from the ground reaches the back of the array later, where the gate cuts off more of it."""
+    front, back = list[float](), list[float]()
+    for seed in range(n_cases):
+        case = draw_case(seed, heights_m=(4.0, 8.0))
+        array = replace(case.array, manifold=case.real.manifold(), positions_m=case.real.positions_m)
+        pose = case.true_pose[case.step]
+        clean = modelled(pose, np.repeat(case.sources_m, len(pose), axis=0), array, Nature(ground=1.0))
+        is_back = clean < 0.5 * clean.max(axis=-1, keepdims=True)
+        for part, ratios in ((~is_back, front), (is_back, back)):
+            ratios.append(float(np.sum(case.pulses.strengths_v * clean * part) / np.sum(np.square(clean) * part)))
+    ratio = np.array(back) / front
+    print(f"\n{n_cases} sources: strengths at the back are {100 * (ratio.mean() - 1):.2f} % above the modelled ones")
+    assert ratio.mean() == pytest.approx(1.0, abs=0.005)
 
 
 @few_or_many(FEW_WILD, MANY)

@@ -94,9 +94,11 @@ def ground_effect(pose: FloatArray, place_m: FloatArray, array: ArrayModel) -> t
 
     Both have the shape (n, 6).
     """
-    perpendicular, parallel, excess_m = reflection(sights(pose, place_m, array), sights(pose, image_of(place_m), array))
+    vector, below = sights(pose, place_m, array), sights(pose, image_of(place_m), array)
+    perpendicular, parallel, excess_m = reflection(vector, below)
+    late_m = np.linalg.norm(below, axis=0) - np.linalg.norm(vector, axis=0).min(axis=-1, keepdims=True)
     power, coherence = 0.5 * (perpendicular**2 + parallel**2), np.exp(-0.5 * (excess_m / 0.3) ** 2)
-    power *= ndtr((0.83 - excess_m) / 0.17)
+    power *= ndtr((0.83 - late_m) / 0.17)
     return power * (1.0 - 0.5 * coherence**2), np.sqrt(power) * coherence
 
 

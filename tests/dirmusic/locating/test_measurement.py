@@ -277,9 +277,12 @@ def test_offset_of_likely_bearings_is_standard_normal() -> None:
         nature = Nature(widening=own[3], tilt_rad=(own[4], own[5]), errors=errors, terms=own[25:], ground=1 + own[6])
         one, place_m = true_pose[k : k + 1], (PLACE_M + own[:3])[np.newaxis]
         image = gains(sights(one, image_of(place_m), ARRAY), ARRAY, nature)
-        image *= MANIFOLD.gain_factors * ground_effect(one, place_m, ARRAY)[1]
+        phase, (cos, sin) = ground_phase(one, place_m, ARRAY), np.sqrt(0.5) * rng.normal(size=2)
+        image *= (
+            MANIFOLD.gain_factors * ground_effect(one, place_m, ARRAY)[1] * (cos * np.cos(phase) + sin * np.sin(phase))
+        )
         range_m = np.linalg.norm(sights(one, place_m, ARRAY), axis=0)
-        clean = (modelled(one, place_m, ARRAY, nature) + rng.normal() * image / range_m)[0]
+        clean = (modelled(one, place_m, ARRAY, nature) + image / range_m)[0]
         clean *= 1 + unexplained_error(one, PLACE_M, NOISE.unexplained)[0] * rng.normal(size=6)
         noisy = clean + 0.01 * np.linalg.norm(clean) * rng.normal(size=6)
         strengths.append(noisy / np.linalg.norm(noisy))
