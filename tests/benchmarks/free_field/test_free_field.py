@@ -25,8 +25,8 @@ from tests.benchmarks.shares import few_or_many, share
 from tests.dirmusic.locating.forward_model import Nature, modelled
 
 FEW, FEW_WILD, FEW_STRENGTHS = 4, 16, 50
-"""Numbers of cases in the short run; wild bearings affect only some cases, and interference differs from case to case, so
-that they need more of them."""
+"""Numbers of cases in the short run. Wild bearings affect only some cases, and interference differs from case to case:
+these need more."""
 
 MANY, MANY_DRAWN, MANY_HIGH = 2000, 300, 100
 """Numbers of cases in the long run: by the shipped models, drawn from the model of the Locator, and high sources."""
