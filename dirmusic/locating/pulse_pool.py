@@ -360,12 +360,16 @@ class Visibility:
         return np.array([self.transmission(target_m, 0.6) for target_m in targets])
 
 
-def choose_evenly(numbers: IntArray, most: int) -> IntArray:
-    """Choose at most `most` of the given numbers (n,), evenly spread (van der Corput sequence, 1935)."""
+def choose_evenly(numbers: IntArray, most: int, weight: FloatArray | None = None) -> IntArray:
+    """Choose at most `most` of the given numbers (n,), evenly spread (van der Corput sequence, 1935).
+
+    With weights (n,), they are chosen about in proportion to these (priority sampling; Duffield, Lund and Thorup 2007).
+    """
     if numbers.size <= most:
         return numbers
     n_bits = int(numbers.max()).bit_length()
     reversed_bits = np.zeros(1, dtype=np.intp)
     for _ in range(n_bits):
         reversed_bits = np.concatenate([2 * reversed_bits, 2 * reversed_bits + 1])
-    return numbers[np.sort(np.argpartition(reversed_bits[numbers], most)[:most])]
+    rank = (reversed_bits[numbers] + 0.5) / (1.0 if weight is None else weight)
+    return numbers[np.sort(np.argpartition(rank, most)[:most])]
