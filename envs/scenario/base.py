@@ -126,6 +126,8 @@ def with_names(line: str, data: object) -> str:
 
 
 def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN401 - an error dictionary of pydantic
+    if item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]:
+        return  # only because other items are invalid, each with its own error
     keys = [str(part) for part in item["loc"]]
     key = ".".join(f"{part:.60}" for part in keys if not part.startswith("["))  # tags of unions stand in brackets
     if item["type"] == "value_error":

@@ -136,6 +136,7 @@ def test_mission_within_a_polygon_reaches_all_waypoints() -> None:
             {"fence_m": L_SHAPE, "equipment": [CABINET | {"position_m": (8.7, 7.7), "yaw_deg": 45.0}]},
             "extends 0.08 m beyond the fence",
         ),
+        ({"fence_m": ((0.0, 0.0), (900.0, 0.0), (9.0, 9.0))}, "yard.fence_m.1.0: must be less than or equal to 400"),
         ({"fence_m": "round"}, "yard.fence_m: must be an array"),
         ({}, "yard.size_m: is required"),
     ],
