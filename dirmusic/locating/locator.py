@@ -70,7 +70,7 @@ FITTED_PROBABILITY, LEAST_GROUPS, LEAST_PULSES = 0.1, 2.5, 2.0
 track (assumed)."""
 
 NEAR_M = 5.0
-"""Distance below which all groups are equally preferred in a fit; beyond, preference falls with the square of the
+"""Distance below which groups are preferred about equally in a fit; beyond, preference falls with the square of the
 distance, as the information of a bearing about the position does. Assumed: below it, elevations are large, where
 patterns are less certain. In a substation with seven sources, errors are 0.06 m and those of heights 0.05 m (root mean
 squares) with 3 and 5 m, and 0.08 and 0.14 m without preference; in yards, positions hardly change."""
