@@ -1,4 +1,4 @@
-"""Displacement and rotation of the frame in which poses are given, against the map."""
+"""Error of poses: displacement and rotation of their frame against the map, and deviations in it."""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dirmusic.arrays import FloatArray
+from dirmusic.locating.protocol import PoseError
 
 
 def turned(vectors: FloatArray, angle_rad: ArrayLike = 0.5 * np.pi) -> FloatArray:
@@ -17,7 +18,7 @@ def turned(vectors: FloatArray, angle_rad: ArrayLike = 0.5 * np.pi) -> FloatArra
 
 @dataclass(frozen=True, eq=False)
 class FrameEstimate:
-    r"""Estimated displacement and rotation of the localisation against the map.
+    r"""Estimated displacement and rotation of the localisation against the map, and its pose error.
 
     The localisation gives a place m of the map the coordinates :math:`c + R(\theta)(m - c) + o`.
 
@@ -27,11 +28,13 @@ class FrameEstimate:
             Zeros while they are not.
         covariance: Mean square of the error that remains after the correction, shape (3, 3). If poses are not
             corrected, it includes the square of the estimated offset.
+        pose_error: Error of poses in that frame.
     """
 
     pivot_m: FloatArray
     offset: FloatArray
     covariance: FloatArray
+    pose_error: PoseError
 
     @property
     def is_applied(self) -> bool:

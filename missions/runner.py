@@ -248,7 +248,13 @@ class Mission:
     def _log_frame(self) -> None:
         """Log the estimated frame of the localisation, and once that it disagrees with the map."""
         frame = self.registration.frame
-        self.log.append("frame", step=self.log.last_step, offset=frame.offset, covariance=frame.covariance)
+        self.log.append(
+            "frame",
+            step=self.log.last_step,
+            offset=frame.offset,
+            covariance=frame.covariance,
+            pose_std=(frame.pose_error.position_m, frame.pose_error.heading_rad),
+        )
         if (text := self.registration.disagreement) and "frame" not in self.log.column("event", "kind"):
             self.log.event("frame", text)
 

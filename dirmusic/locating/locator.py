@@ -177,6 +177,7 @@ class Locator:
 
     Attributes:
         findings: Current findings.
+        pose_error: Error of the poses, used in later fits; may be changed if poses prove to be worse.
         estimate: Latest fit of the array; None before the first.
         contradicts_errors: True if the pulses contradicted the known errors of the array, which are then not used.
     """

@@ -76,6 +76,7 @@ class YardLikelihood:
 
     Attributes:
         grid: Grid of positions.
+        pose_error: Error of the poses of later pulses; may be changed.
         log_likelihood: Sum over all pulses so far, relative to a position that no pulse points to, shape (n_cells,).
 
     References:
@@ -84,10 +85,9 @@ class YardLikelihood:
     """
 
     def __init__(self, array: ArrayModel, pose_error: PoseError, grid: Grid) -> None:
-        self.grid = grid
+        self.grid, self.pose_error = grid, pose_error
         self.log_likelihood: FloatArray = np.zeros(grid.shape[0] * grid.shape[1])
         self._array = array
-        self._heading_rad2 = pose_error.heading_rad**2
         self._centres_m = grid.centres_m
         # Beyond 4 m (assumed), a line of bearing is at least as wide as a cell, so that it cannot pass between cells.
         self._blur_rad2 = (grid.cell_m / 4.0) ** 2 / 12.0
@@ -125,6 +125,7 @@ class YardLikelihood:
         gain, slope = manifold.gain_and_slope(groups.azimuth_rad)
         turn2 = np.square(perpendicular_slope(gain, slope)).sum(axis=0) / np.square(gain).sum(axis=0)
         array_rad = manifold_error_std(manifold, groups.azimuth_rad, self._array.spread)
-        variance_rad2 = np.square(groups.std_rad) + np.square(array_rad) + self._heading_rad2 + self._blur_rad2
+        variance_rad2 = np.square(groups.std_rad) + np.square(array_rad) + self._blur_rad2
+        variance_rad2 += self.pose_error.heading_rad**2
         chi2 = (miss - miss.min(axis=-1, keepdims=True)) / (variance_rad2 * turn2)[:, np.newaxis]
         return np.logaddexp(-0.5 * chi2, -0.5 * OUTLIER_SIGMAS**2) + 0.5 * OUTLIER_SIGMAS**2

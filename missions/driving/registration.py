@@ -13,7 +13,7 @@ distance from the outline that the map shows is, linearised,
 with the normal :math:`n_i`, the frame :math:`x = (o, \theta)`, the pose error :math:`e_k` of the scan, and the
 displacement :math:`d_j` on the map of the piece j, which is normally distributed with the stated accuracy of the map.
 End points far from an outline have less weight. The variance of the pose error is estimated as well, and used if it is
-larger than believed.
+larger than believed; the Locator uses it if it is much larger (`WORSE`).
 
 The sum of the information of all scans is kept, without past pose errors, which are marginalised exactly. The scans are
 kept as well: when the frame moves, their points are associated with outlines again.
@@ -55,6 +55,11 @@ deviations at the dock are 0.022 to 0.027 m with it, and errors 0.016 to 0.021 m
 POSE_SCANS = 4.0
 """Weight of the believed variance of the pose error in its estimate, in scans. Assumed; the estimate is used only if it
 is larger, so that stated deviations stay honest when poses are worse than believed."""
+
+WORSE = 1.5
+"""Ratio of estimated to believed deviation of positions or headings from which on the Locator is given the estimate.
+Assumed; in sound missions it is at most 1.34 at the end, and about 2 where errors are doubled or headings have a bias
+of a degree (measured in simulated yards, where estimates for headings follow their errors within about 15 %)."""
 
 SURFACE_STD_M = 0.02
 """Standard deviation of end points about a known outline from a known pose, besides the noise of the lidar. Assumed;
@@ -190,6 +195,7 @@ class Registration:
         sensor, self._size_m = scenario.pose_sensor, yard.size_m
         self._outlines = Outlines(yard, scenario.robot.description.lidar_height_m)
         self._noise_variance = scenario.lidar.range_std_m**2 + SURFACE_STD_M**2
+        self._pose_sensor = sensor
         self._pose_variance = self._believed_variance = np.square(np.maximum(sensor.std, 1e-4))
         self._pose_square = POSE_SCANS * self._believed_variance
         self._correlation = sensor.correlation
@@ -199,7 +205,7 @@ class Registration:
         self._unknown: FloatArray = np.diag(self._variance[FRAME])
         self._scans: list[LidarScan] = []
         self._is_found = False
-        self.frame = FrameEstimate(np.array(scenario.route.dock_m), np.zeros(3), self._unknown)
+        self.frame = FrameEstimate(np.array(scenario.route.dock_m), np.zeros(3), self._unknown, sensor.pose_error)
         self._linearise_at(np.zeros(3))
 
     @property
@@ -257,14 +263,17 @@ class Registration:
         return True
 
     def _decide(self) -> None:
-        """Set the frame from mean and covariance."""
+        """Set the frame from mean and covariance, and its pose error."""
         mean, covariance = self._mean[FRAME], self._covariance
         if not self._is_found:
             mean, covariance = np.zeros(3), self._unknown
         if not self.frame.is_applied and mean @ np.linalg.inv(covariance) @ mean < SIGNIFICANT:
             column = mean[:, np.newaxis]
             mean, covariance = np.zeros(3), covariance + column @ column.T
-        self.frame = FrameEstimate(self.frame.pivot_m, mean, covariance)
+        is_worse = self._pose_variance > WORSE**2 * self._believed_variance
+        position_m, _, heading_rad = np.where(is_worse, np.sqrt(self._pose_variance), self._pose_sensor.std).tolist()
+        pose_error = replace(self._pose_sensor.pose_error, position_m=position_m, heading_rad=heading_rad)
+        self.frame = FrameEstimate(self.frame.pivot_m, mean, covariance, pose_error)
 
     def _on_map(self, scan: LidarScan, frames: FloatArray) -> FloatArray:
         """Return the end points of a scan on the map for frames (..., 3), shape (..., n, 2)."""

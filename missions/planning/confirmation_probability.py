@@ -147,21 +147,25 @@ class ConfirmationModel:
         scenario: The scenario; its sources are ignored.
         sight: Transmission of the mapped equipment.
         is_sound: Mask of the channels without a fault, shape (n_channels,); by default all.
+        heading_rad: Standard deviation of the heading; by default as believed.
 
     Attributes:
         trigger_db: Trigger level, dB relative to 1 V before the band-pass filter.
         is_sound: The mask.
     """
 
-    def __init__(self, scenario: Scenario, sight: Sight, is_sound: BoolArray | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, sight: Sight, is_sound: BoolArray | None = None, heading_rad: float | None = None
+    ) -> None:
         n = scenario.array.n_channels
         self._array, self._sight = HelicalArray.nominal(scenario.array), sight
         self._height_m, self._rules = scenario.array.height_m, scenario.locating.rules()
         self.is_sound = np.ones(n, dtype=np.bool_) if is_sound is None else is_sound
         receiver = Receiver(scenario.receiver, n)
         self.trigger_db = float(20 * np.log10(receiver.threshold_v / receiver.front_end.pulse_peak))
-        array_rad, heading_rad = scenario.known_array.bearing_std_rad, scenario.pose_sensor.pose_error.heading_rad
-        self._bearing_std_rad = float(np.hypot(array_rad, heading_rad))
+        if heading_rad is None:
+            heading_rad = scenario.pose_sensor.pose_error.heading_rad
+        self._bearing_std_rad = float(np.hypot(scenario.known_array.bearing_std_rad, heading_rad))
 
     def views(self, passes: Passes, site_m: FloatArray) -> Views:
         """Return the poses that have a site (3,), world frame, in sight on the map."""

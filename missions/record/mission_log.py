@@ -58,6 +58,7 @@ TABLES: dict[str, dict[str, str]] = {
         "step": "i8",
         "offset": "3f8",  # displacement x m, y m and rotation rad about the dock; zeros while poses are not corrected
         "covariance": "(3,3)f8",
+        "pose_std": "2f8",  # standard deviations of position m and heading rad, with which findings are located
     },
     "finding": {
         "step": "i8",

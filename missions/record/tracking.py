@@ -70,7 +70,7 @@ class Tracker:
         self._array = array
         self._max_std_rad = max_std_rad
         self._frame: FrameEstimate | None = None
-        self._heading_std_rad = pose_error.heading_rad
+        self._pose_error = pose_error
         self._likelihood = YardLikelihood(array, pose_error, grid_of(log.meta))
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
@@ -90,10 +90,14 @@ class Tracker:
             time_s: Time of the step.
             pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
             pulses: Pulses with their directions.
-            frame: Error of the frame of the poses against the map; None without a map.
+            frame: Error of the poses and their frame against the map; None without a map.
             is_last: Fit all pulses again with those of this step.
         """
         self._frame = frame
+        if frame is not None:
+            self._pose_error = self._likelihood.pose_error = frame.pose_error
+            if self._built_in:
+                self._built_in.pose_error = frame.pose_error
         is_clipped = pulses.is_overdriven
         is_used = ~is_clipped & (pulses.std_rad < self._max_std_rad)
         used, first = pulses if is_used.all() else pulses.take(is_used), self._log.n_rows("pulse")
@@ -118,7 +122,7 @@ class Tracker:
             azimuth_rad=used.azimuth_rad,
             bearing_rad=wrap(used.azimuth_rad + pose[2]),
             std_rad=used.std_rad,
-            total_std_rad=np.hypot(total_std(used, self._array), self._heading_std_rad),
+            total_std_rad=np.hypot(total_std(used, self._array), self._pose_error.heading_rad),
             elevation_rad=used.elevation_rad,
         )
         self._update_findings(findings)

@@ -95,11 +95,12 @@ def inspect_sites(log: MissionLog) -> SiteInspections | None:
         return None
     events = log.table("event")
     is_fault = events["kind"] == "channel fault"
+    heading_rad = float(log.column("frame", "pose_std")[-1, 1]) if log.n_rows("frame") else None
     try:
         scenario = restore_scenario(log.meta["scenario"])
         channels = np.arange(1, scenario.array.n_channels + 1)
         is_sound = ~np.isin(channels, events["number"][is_fault])
-        model = ConfirmationModel(scenario, Sight(surroundings_of(yard)), is_sound)
+        model = ConfirmationModel(scenario, Sight(surroundings_of(yard)), is_sound, heading_rad)
     except (InputFileError, OSError):
         return None
     step = np.unique(time_s // STEP_S, return_index=True)[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -73,6 +74,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         array=check_array(log),
         notes=(
             *_events(events, "note", "frame", "rejected", "error"),
+            *_pose_notes(log),
             *([CLOCK_NOTE.format(offset_hz)] if offset_hz else []),
         ),
         findings=findings,
@@ -109,6 +111,22 @@ def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[An
 def _events(events: dict[str, NDArray[Any]], *kinds: EventKind, column: str = "text") -> tuple[Any, ...]:
     """Return one column of the events of some kinds."""
     return tuple(events[column][np.isin(events["kind"], kinds)].tolist())
+
+
+def _pose_notes(log: MissionLog) -> list[str]:
+    """Return a note if the scans of the lidar show that poses are worse than believed."""
+    if not log.n_rows("frame"):
+        return []
+    position_m, heading_rad = log.column("frame", "pose_std")[-1].tolist()
+    believed = log.meta["scenario"]["pose_sensor"]
+    believed_m, believed_deg = believed["position_std_m"], believed["heading_std_deg"]
+    if position_m == believed_m and heading_rad == math.radians(believed_deg):
+        return []
+    return [
+        f"the scans of the lidar show worse poses than believed: deviations of {position_m:.2f} m and "
+        f"{math.degrees(heading_rad):.1f} degrees, not {believed_m:.2f} m and {believed_deg:.1f} degrees; "
+        "findings are located with the larger ones"
+    ]
 
 
 def _charges(events: dict[str, NDArray[Any]], step: dict[str, NDArray[Any]]) -> tuple[Charge, ...]:

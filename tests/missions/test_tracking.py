@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
+from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, Locator, PoseError, PulseBatch
 from dirmusic.frame import FrameEstimate
 from dirmusic.locating.finding import State
-from pdpatrol.envs import load_scenario
+from dirmusic.locating.protocol import LocatorProtocol
+from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
+from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from tests.missions.steps import append_step, candidate
 
 MANIFOLD = GainManifold.ring(6)
 ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05))
+POSE_ERROR = PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0)
 FINDING = candidate((1.0, 2.0, 1.5), np.eye(3))
 
 
@@ -37,12 +40,11 @@ class FixedLocator:
         return np.empty(0, dtype=np.intp)
 
 
-def tracker_of(locator: FixedLocator) -> tuple[MissionLog, Tracker]:
+def tracker_of(locator: LocatorProtocol) -> tuple[MissionLog, Tracker]:
     """Make a log and a tracker of findings and pulses that the test sets."""
     log = MissionLog({"n_elements": 6, "bounds_m": [[0, 0], [1, 1]]})
     append_step(log, 0.0, np.zeros(3))
-    pose_error = PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0)
-    return log, Tracker(log, locator, ARRAY, pose_error, np.radians(25.0))
+    return log, Tracker(log, locator, ARRAY, POSE_ERROR, np.radians(25.0))
 
 
 def test_findings_are_logged_when_their_values_change() -> None:
@@ -78,7 +80,7 @@ def test_covariance_of_a_finding_includes_that_of_the_frame() -> None:
     log, tracker = tracker_of(locator)
     root = np.array([[0.2, 0.0, 0.0], [0.1, 0.3, 0.0], [0.0, 0.01, 0.02]])
     for variance in (0.0, 1.0, 1.0, 0.25):
-        frame = FrameEstimate(np.array([9.0, 5.0]), np.zeros(3), variance * root @ root.T)
+        frame = FrameEstimate(np.array([9.0, 5.0]), np.zeros(3), variance * root @ root.T, POSE_ERROR)
         tracker.track(0.1, np.zeros(3), PulseBatch.none(6), frame)
     off_x, off_y = FINDING.position_m[:2] - frame.pivot_m
     jacobian = np.array([[1.0, 0.0, -off_y], [0.0, 1.0, off_x]])  # of a small rotation about the pivot
@@ -87,6 +89,20 @@ def test_covariance_of_a_finding_includes_that_of_the_frame() -> None:
     np.testing.assert_allclose(added[:, :2, :2], [0.0 * expected, expected, 0.25 * expected], atol=1e-12)
     assert not added[:, 2].any()
     assert tracker.findings[0].covariance_m2[0, 0] > FINDING.covariance_m2[0, 0]
+
+
+def test_pose_error_that_the_scans_show_is_used() -> None:
+    """Bearings have a larger deviation by that of the heading, and the Locator is given the error."""
+    locator, worse = Locator(ARRAY, POSE_ERROR), replace(POSE_ERROR, position_m=0.1, heading_rad=0.03)
+    log, tracker = tracker_of(locator)
+    strengths = MANIFOLD.gain(np.array([0.3])).T
+    pulses = PulseBatch.detected(np.zeros(1), strengths, np.full((1, 6), 1e-6))._replace(std_rad=np.array([0.01]))
+    for pose_error in (POSE_ERROR, worse):
+        frame = FrameEstimate(np.zeros(2), np.zeros(3), np.zeros((3, 3)), pose_error)
+        tracker.track(0.1, np.zeros(3), pulses, frame)
+        assert locator.pose_error == pose_error
+    before, after = np.square(log.column("bearing", "total_std_rad"))
+    assert after - before == pytest.approx(0.03**2 - 0.01**2)
 
 
 def test_weak_and_clipped_pulses_are_not_used() -> None:
@@ -115,6 +131,18 @@ def test_each_used_pulse_has_an_association() -> None:
     assert set(log.column("association", "finding").tolist()) <= {0, *alive.tolist()}
     owned = (log.column("association", "finding") > 0).mean()
     assert owned > 0.3
+
+
+@pytest.mark.whole
+def test_report_says_that_poses_are_worse_than_believed() -> None:
+    believed = load_scenario("one_source", {"task.time_limit_s": 60.0})
+    doubled = {"position_std_m": 0.1, "heading_std_deg": 1.0}
+    worse = Scenario.model_validate(believed.model_dump() | {"nature": {"pose_sensor": doubled}})
+    for scenario, least in ((believed, 0), (worse, 1)):
+        log = run_mission(scenario, seed=2)
+        assert sum("worse poses than believed" in note for note in make_report(log, 0.0).notes) == least
+    heading_rad = log.column("frame", "pose_std")[-1, 1]
+    assert heading_rad > 1.5 * believed.pose_sensor.pose_error.heading_rad
 
 
 def test_total_deviation_exceeds_that_of_noise_and_heading() -> None:

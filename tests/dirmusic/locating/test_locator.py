@@ -96,6 +96,18 @@ def test_source_is_located_and_confirmed(seed: int) -> None:
     assert np.linalg.norm(finding.position_m[:2] - SOURCE_M[:2]) < 0.1
 
 
+def test_covariance_grows_when_poses_prove_to_be_worse() -> None:
+    """A pose error that is set later applies to all poses so far."""
+    added = detections(path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 120), SOURCE_M[np.newaxis], 0)
+    locator, _ = listen(added)
+    (before,) = locator.findings
+    locator.pose_error = replace(
+        POSE_ERROR, position_m=3 * POSE_ERROR.position_m, heading_rad=3 * POSE_ERROR.heading_rad
+    )
+    (after,) = locator.refit(added[-1][0])
+    assert after.semi_major_m > 1.5 * before.semi_major_m
+
+
 def test_rarer_fits_end_with_the_same_position() -> None:
     """With fits that become rarer, findings change less often, and the last fit uses all pulses."""
     added = detections(path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 120), SOURCE_M[np.newaxis], 0)

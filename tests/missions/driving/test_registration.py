@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from dirmusic import PoseError
 from dirmusic.angles import wrap
 from dirmusic.arrays import FloatArray
 from dirmusic.frame import FrameEstimate, turned
@@ -16,6 +17,7 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from tests.missions.driving.scans import ScannedRoute, with_wrong_map
 
+POSE_ERROR = PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0)
 YARDS = ("one_source", "two_sources", "suite/several_01", "suite/wrong_map_01")
 
 
@@ -35,7 +37,7 @@ def drawn_frame(rng: np.random.Generator) -> FloatArray:
 
 
 def test_frame_inverts_displacement_and_rotation() -> None:
-    frame = FrameEstimate(np.array([3.0, 2.0]), np.array([0.5, -0.4, 0.1]), np.eye(3))
+    frame = FrameEstimate(np.array([3.0, 2.0]), np.array([0.5, -0.4, 0.1]), np.eye(3), POSE_ERROR)
     on_map = np.array([20.0, 10.0, 3.1])
     place_m = frame.pivot_m + turned(on_map[:2] - frame.pivot_m, 0.1) + frame.offset[:2]
     np.testing.assert_allclose(frame.on_map(np.append(place_m, wrap(3.1 + 0.1))), on_map, atol=1e-12)
@@ -44,7 +46,7 @@ def test_frame_inverts_displacement_and_rotation() -> None:
 def test_covariance_at_a_place_is_that_of_its_errors() -> None:
     """A rotation displaces across the line from the dock, in proportion to the distance."""
     std = np.array([0.02, 0.03, 0.002])
-    frame, rng = FrameEstimate(np.array([3.0, 2.0]), np.zeros(3), np.diag(std**2)), np.random.default_rng(0)
+    frame, rng = FrameEstimate(np.array([3.0, 2.0]), np.zeros(3), np.diag(std**2), POSE_ERROR), np.random.default_rng(0)
     places_m = np.array([[3.0, 2.0], [33.0, 22.0]])
     errors = std * rng.standard_normal((100_000, 1, 3))
     moved_m = frame.pivot_m + turned(places_m - frame.pivot_m, errors[..., 2]) + errors[..., :2] - places_m
@@ -70,12 +72,14 @@ def test_sound_frames_change_nothing() -> None:
     """Without a significant frame, pose and observation are passed on as they are, and nothing is reported."""
     observation = {"pose": np.ones(4, np.float32), "bearing": np.ones(2, np.float32)}
     for seed, name in enumerate(YARDS):
+        believed = load_scenario(name).pose_sensor.pose_error
         for registration in route(name).register(np.zeros(3), np.random.default_rng(seed)):
             pose = np.array([1.0, 2.0, 3.0])
             on_map = registration.corrected(observation, pose)
             assert on_map[0] is observation
             assert on_map[1] is pose
             assert not registration.disagreement
+            assert registration.frame.pose_error == believed
 
 
 def test_uncorrected_frame_counts_as_an_error() -> None:
@@ -98,8 +102,8 @@ def test_covariance_is_honest(std_m: float) -> None:
 
 
 def test_covariance_is_honest_for_poses_worse_than_believed() -> None:
-    """With twice the believed deviations, the stated ones grow."""
-    squares = list[float]()
+    """With twice the believed deviations, those of the frame grow, and the Locator is given larger pose errors."""
+    squares, ratios = list[float](), list[tuple[float, float]]()
     for seed, name in enumerate(YARDS * 3):
         believed, rng = load_scenario(name), np.random.default_rng(seed)
         frame = drawn_frame(rng)
@@ -108,7 +112,10 @@ def test_covariance_is_honest_for_poses_worse_than_believed() -> None:
         *_, last = route(name)._replace(scenario=true).register(frame, rng, believed)
         error = last.frame.offset - frame
         squares.append(float(error @ np.linalg.inv(last.frame.covariance) @ error))
+        given, stated = last.frame.pose_error, believed.pose_sensor.pose_error
+        ratios.append((given.position_m / stated.position_m, given.heading_rad / stated.heading_rad))
     assert np.mean(squares) < 1.5 * 3
+    assert np.median(ratios, axis=0) == pytest.approx([2.0, 2.0], rel=0.3)
 
 
 @pytest.mark.slow
