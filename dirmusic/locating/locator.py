@@ -545,7 +545,9 @@ class Locator:
         """
         if probability.sum() < LEAST_TESTED:
             return ONE_SOURCE
-        rows = choose_evenly(np.flatnonzero(probability > FITTED_PROBABILITY), MOST_TESTED)
+        rows = np.flatnonzero(probability > FITTED_PROBABILITY)
+        square_m2 = np.square(self._pool.groups.pose[rows, :2] - track.position_m[:2]).sum(axis=-1)
+        rows = choose_evenly(rows, MOST_TESTED, 1.0 / (NEAR_M**2 + square_m2))
         groups, place = self._pool.groups.take(rows), (track.position_m, self._array_state, self._nominal)
         return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error)
 
