@@ -82,7 +82,7 @@ def oriented_box(points_m: FloatArray, yaw_rad: float | None = None) -> Oriented
 def with_outline(features: Sequence[MapFeature]) -> list[MapFeature]:
     """Mark the largest closed fence around most features as the outline, if the map has none.
 
-    Closed lines that are outlines or fences become areas, as OpenStreetMap does not distinguish the two.
+    Closed lines become areas, as OpenStreetMap does not distinguish the two.
     """
     features = [_as_area(each) for each in features]
     rings = [each for each in features if each.shape == "Polygon" and each.tags.get("barrier") == "fence"]
@@ -98,12 +98,10 @@ def with_outline(features: Sequence[MapFeature]) -> list[MapFeature]:
 
 
 def _as_area(feature: MapFeature) -> MapFeature:
-    """Return the area within a closed line that is an outline or a fence, and any other feature unchanged."""
+    """Return the area within a closed line, and any other feature unchanged."""
     points_deg = feature.points_deg
     is_closed = feature.shape == "LineString" and len(points_deg) > 3 and (points_deg[0] == points_deg[-1]).all()
-    if is_closed and (feature.tags.get("power") in OUTLINES or feature.tags.get("barrier") == "fence"):
-        return feature._replace(shape="Polygon", points_deg=points_deg[:-1])
-    return feature
+    return feature._replace(shape="Polygon", points_deg=points_deg[:-1]) if is_closed else feature
 
 
 def site_frame(path: Any, features: Sequence[MapFeature]) -> SiteFrame:  # noqa: ANN401

@@ -21,7 +21,7 @@ from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 from pdpatrol.robot_models.equipment.poles import APPARATUS
 from pdpatrol.robot_models.equipment.voltages import VOLTAGES, Kv
 from pdpatrol.robot_models.yard.pieces import Equipment
-from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
+from pdpatrol.robot_models.yard.quantities import LEAST_STRETCHED_M, MOST_LETTERS
 from pdpatrol.robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
@@ -210,6 +210,8 @@ def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]
         is_ring = kind in RINGS or (kind in WALLS and oriented_box(points_m).size_m[1] > WIDEST_WALL_M)
         if is_ring and feature.shape == "Polygon" and not feature.is_turned:
             ends_m = np.vstack([points_m, points_m[:1]])
+        if not feature.is_turned:
+            ends_m = _without_short_parts(ends_m)
         for start_m, end_m in pairwise(ends_m):
             length_m = round(float(np.linalg.norm(end_m - start_m)), 3)
             yaw_deg = _folded(_direction_deg(end_m - start_m) - (90.0 if kind in ALONG_Y else 0.0))
@@ -223,6 +225,15 @@ def _long_pieces(feature: MapFeature, points_m: FloatArray, keys: dict[str, Any]
                 )
             else:
                 yield Found(feature.place, {**part, "length_m": length_m})
+
+
+def _without_short_parts(points_m: FloatArray) -> FloatArray:
+    """Leave out inner points of a line (n, 2), as of a rounded corner, so that its parts are at least a piece long."""
+    kept = [points_m[0]]
+    for point_m in points_m[1:-1]:
+        is_apart = np.linalg.norm([point_m - kept[-1], points_m[-1] - point_m], axis=-1) >= LEAST_STRETCHED_M
+        kept += [point_m] if is_apart.all() else []
+    return np.array([*kept, points_m[-1]])
 
 
 def _axis(points_m: FloatArray) -> FloatArray:

@@ -17,6 +17,9 @@ MOST_PIECES = 1000
 MOST_SITES = 100
 """Maximum number of sites on one piece of equipment."""
 
+LEAST_STRETCHED_M = 0.5
+"""Least length of a catalogue kind that is as long as stated; its parts do not fit into less."""
+
 MOST_LETTERS = 64
 """Maximum length of a name, in characters."""
 
@@ -32,8 +35,8 @@ Coordinate = Annotated[float, Field(ge=-MOST_YARD_M, le=MOST_YARD_M)]
 Length = Annotated[float, Field(ge=0.05, le=MOST_YARD_M)]
 """Length of a piece of equipment. Anything thinner than 5 cm is a wire, which is not modelled and cannot have sites."""
 
-StretchedLength = Annotated[float, Field(ge=0.5, le=MOST_YARD_M)]
-"""Length of a catalogue kind; its parts do not fit into less."""
+StretchedLength = Annotated[float, Field(ge=LEAST_STRETCHED_M, le=MOST_YARD_M)]
+"""Length of a catalogue kind."""
 
 Height = Annotated[float, Field(ge=0.05, le=50.0)]
 """Height above the ground; anything below 5 cm is not an obstacle, and 400 kV gantries are about 30 m high."""

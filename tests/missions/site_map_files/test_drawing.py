@@ -10,6 +10,7 @@ from ezdxf.filemanagement import new
 from ezdxf.layouts.layout import Modelspace
 from pyproj import Transformer
 
+from dirmusic.angles import unit_vector
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.site_map_files.geodesy import longitude_latitude
 from pdpatrol.missions.site_map_files.site_scenario import import_site
@@ -187,6 +188,37 @@ def test_mirrored_block_keeps_its_y_axis(tmp_path: Path) -> None:
         _, yard, _ = import_site(saved(drawing, tmp_path), mapping(tmp_path, rows))
         got = [each.yaw_deg for each in sorted(yard.equipment, key=lambda each: each.position_m[0])]
         assert np.allclose((np.subtract(got, expected) + 180.0) % 360.0, 180.0, atol=0.1), got
+
+
+def test_rounded_corners_leave_no_gap(tmp_path: Path) -> None:
+    """Chords of an arc that are too short for a piece are joined."""
+    drawing = new("R2018", units=6)
+    space, quarter = drawing.modelspace(), np.tan(np.pi / 8)
+    space.add_lwpolyline(square(30.0, 25.0, 60.0, 50.0), close=True, dxfattribs={"layer": "fence"})
+    for radius, x in ((0.3, 15.0), (1.0, 40.0)):
+        ends = [(x - 8.0, 18.0), (x + 8.0 - radius, 18.0, quarter), (x + 8.0, 18.0 + radius), (x + 8.0, 30.0)]
+        space.add_lwpolyline(ends, format="xyb", dxfattribs={"layer": "kerb"})
+    drawing.saveas(tmp_path / "site.dxf")
+    _, yard, notes = import_site(tmp_path / "site.dxf")
+    assert notes == []
+    ends_m = []
+    for piece in yard.equipment:
+        half_m = 0.5 * piece.model_dump()["length_m"] * unit_vector(np.radians(piece.yaw_deg))
+        ends_m += [np.array(piece.position_m) - half_m, np.array(piece.position_m) + half_m]
+    off_m = np.sort(np.linalg.norm(np.array(ends_m)[:, np.newaxis] - ends_m, axis=-1), axis=1)[:, 1]
+    assert np.count_nonzero(off_m > 0.01) == 4  # the ends of both lines
+
+
+def test_entities_on_paper_are_listed(tmp_path: Path) -> None:
+    drawing = new("R2018", units=6)
+    drawing.modelspace().add_lwpolyline(square(30.0, 25.0, 60.0, 50.0), close=True, dxfattribs={"layer": "fence"})
+    for layout in (drawing.modelspace(), drawing.layout("Layout1")):
+        layout.add_lwpolyline(square(20.0, 20.0, 6.0, 4.0), close=True, dxfattribs={"layer": "building"})
+    drawing.layout("Layout1").add_text("Title")
+    drawing.saveas(tmp_path / "site.dxf")
+    _, yard, notes = import_site(tmp_path / "site.dxf")
+    assert len(yard.equipment) == 1
+    assert notes == ["layout Layout1: 1 of known names on paper, not in the model; left out"]
 
 
 def test_hidden_entities_are_listed(tmp_path: Path) -> None:

@@ -157,6 +157,17 @@ def test_closed_walls_stand_on_their_sides(tmp_path: Path) -> None:
         assert got[name] == (pytest.approx(place_m, abs=0.01), pytest.approx(length_m, abs=0.01))
 
 
+def test_closed_way_of_a_portal_is_one_gantry(tmp_path: Path) -> None:
+    """A tool may write a closed way as a line instead of an area."""
+    portal = area(40.0, 30.0, 12.0, 1.0, power="portal")
+    portal["geometry"] = {"type": "LineString", "coordinates": portal["geometry"]["coordinates"][0]}
+    _, yard, _ = import_site(written(tmp_path, OUTLINE, portal))
+    (gantry,) = yard.equipment
+    assert gantry.kind == "gantry"
+    assert gantry.position_m == pytest.approx((40.0, 30.0), abs=0.01)
+    assert gantry.model_dump()["length_m"] == pytest.approx(12.0, abs=0.01)
+
+
 def test_poles_of_a_large_yard_are_joined(tmp_path: Path) -> None:
     """Only poles near each other are compared: 288 of them have 4 million groups of three; the yard is of full size."""
     outline = area(200.0, 150.0, 400.0, 300.0, power="substation", voltage="110000")
