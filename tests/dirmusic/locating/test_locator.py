@@ -330,6 +330,7 @@ def test_level_is_that_of_precise_pulses() -> None:
     assert abs(finding.level_db - expected.level_db) < 3.0
 
 
+@pytest.mark.whole
 def test_weakened_pulses_from_beside_the_source_pull_less() -> None:
     """A third of the pulses comes 10 dB weaker from 0.8 m beside the source, as past the edge of unknown equipment."""
     n, place_m, off2_m2 = 60, np.array([20.0, 15.0, 1.8]), list[float]()
