@@ -70,10 +70,10 @@ FITTED_PROBABILITY, LEAST_GROUPS, LEAST_PULSES = 0.1, 2.5, 2.0
 track (assumed)."""
 
 NEAR_M = 5.0
-"""Distance below which groups are preferred about equally in a fit; beyond, preference falls with the square of the
-distance, as the information of a bearing about the position does. Assumed: below it, elevations are large, where
-patterns are less certain. In a substation with seven sources, errors are 0.06 m and those of heights 0.05 m (root mean
-squares) with 3 and 5 m, and 0.08 and 0.14 m without preference; in yards, positions hardly change."""
+"""Distance below which groups are preferred about equally where only some are used; beyond, preference falls with the
+square of the distance, as the information of a bearing about the position does. Assumed: below it, elevations are
+large, where patterns are less certain. In a substation with seven sources, errors are 0.06 m and those of heights
+0.05 m (root mean squares) with 3 and 5 m, and 0.08 and 0.14 m without preference; in yards, positions hardly change."""
 
 CHANGED_SHARE, CHANGED_RAD = 0.1, np.radians(10.0)
 """Change of the number of groups, and of the aperture, after which a source is fitted again (assumed)."""
@@ -431,7 +431,7 @@ class Locator:
 
     def _fit(self, tracks: list[Track], *, rounds: int, is_new: bool) -> JointEstimate:
         """Fit some tracks jointly with the array, from the prior of the array if it is new."""
-        rows = [self._choose(track) for track in tracks]
+        rows = [self._choose(track, track.direct, self.rules.max_pulses) for track in tracks]
         groups = self._pool.groups.take(np.concatenate(rows))
         probability = np.concatenate([track.direct[own] for track, own in zip(tracks, rows, strict=True)])
         number = np.repeat(np.arange(len(tracks)), [own.size for own in rows])
@@ -452,11 +452,11 @@ class Locator:
             track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty, self.pose_error.position_m)
         return estimate
 
-    def _choose(self, track: Track) -> IntArray:
-        """Choose the rows of the groups of a track that a fit uses; near ones tell more about its position."""
-        rows = np.flatnonzero(track.direct > FITTED_PROBABILITY)
+    def _choose(self, track: Track, probability: FloatArray, n: int) -> IntArray:
+        """Choose at most n rows of groups with a sufficient probability (n_groups,); near ones tell more."""
+        rows = np.flatnonzero(probability > FITTED_PROBABILITY)
         square_m2 = np.square(self._pool.groups.pose[rows, :2] - track.position_m[:2]).sum(axis=-1)
-        return choose_evenly(rows, self.rules.max_pulses, 1.0 / (NEAR_M**2 + square_m2))
+        return choose_evenly(rows, n, 1.0 / (NEAR_M**2 + square_m2))
 
     def _weakening(self, track: Track, rows: IntArray) -> FloatArray:
         """Return the factor by which the direct wave of a track is weaker than in free sight, by the level of groups.
@@ -545,9 +545,7 @@ class Locator:
         """
         if probability.sum() < LEAST_TESTED:
             return ONE_SOURCE
-        rows = np.flatnonzero(probability > FITTED_PROBABILITY)
-        square_m2 = np.square(self._pool.groups.pose[rows, :2] - track.position_m[:2]).sum(axis=-1)
-        rows = choose_evenly(rows, MOST_TESTED, 1.0 / (NEAR_M**2 + square_m2))
+        rows = self._choose(track, probability, MOST_TESTED)
         groups, place = self._pool.groups.take(rows), (track.position_m, self._array_state, self._nominal)
         return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error)
 

@@ -136,10 +136,10 @@ def read_drawing(path: Path, mapping: NameMapping) -> MapContent:
     notes += [f"{label}: {n} {type_} not understood; left out" for (label, type_), n in sorted(unknown.items())]
     reason = "invisible, or on a layer that is off or frozen; left out"
     notes += [f"{label}: {n} {type_} {reason}" for (label, type_), n in sorted(hidden.items())]
-    for layout in document.layouts:
-        known = [each for each in _entities(layout, mapping, "") if each.row is not None and each.row.kind != GROUND]
-        if known and not layout.is_modelspace:
-            notes.append(f"layout {layout.name}: {len(known)} of known names on paper, not in the model; left out")
+    for layout in (each for each in document.layouts if not each.is_modelspace):
+        rows = [each.row for each in _entities(layout, mapping, "")]
+        if n_known := sum(row is not None and row.kind != GROUND for row in rows):
+            notes.append(f"layout {layout.name}: {n_known} of known names on paper, not in the model; left out")
     if not found:
         raise InputFileError([f"{path}: must contain equipment, got none that is known", *notes])
     to_degrees, is_located = _to_degrees(document, unit_m, notes, np.concatenate([each.points_m for each in found]))

@@ -97,7 +97,7 @@ def test_source_is_located_and_confirmed(seed: int) -> None:
 
 
 def test_covariance_grows_when_poses_prove_to_be_worse() -> None:
-    """A pose error that is set later applies to all poses so far."""
+    """Apply a pose error that is set later to all poses so far."""
     added = detections(path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 120), SOURCE_M[np.newaxis], 0)
     locator, _ = listen(added)
     (before,) = locator.findings

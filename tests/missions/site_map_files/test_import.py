@@ -158,7 +158,7 @@ def test_closed_walls_stand_on_their_sides(tmp_path: Path) -> None:
 
 
 def test_closed_way_of_a_portal_is_one_gantry(tmp_path: Path) -> None:
-    """A tool may write a closed way as a line instead of an area."""
+    """Read a closed way that a tool wrote as a line as an area."""
     portal = area(40.0, 30.0, 12.0, 1.0, power="portal")
     portal["geometry"] = {"type": "LineString", "coordinates": portal["geometry"]["coordinates"][0]}
     _, yard, _ = import_site(written(tmp_path, OUTLINE, portal))
