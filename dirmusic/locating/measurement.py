@@ -35,7 +35,7 @@ N_POSE, N_SHARED = 3, 5
 
 WIDENING, TILT_X, TILT_Y, GROUND = range(4)
 """Order of the states of the mount and the ground: relative widening of the beam, tilt of the array about its x and y
-axes, and the amplitude of the ground reflection relative to `PERMITTIVITY`."""
+axes, and the logarithm of the relative permittivity of the ground, which does not reflect if this is 0 or less."""
 
 N_COMMON = 4
 """Number of these states."""
@@ -47,10 +47,6 @@ gains. Assumed; with seven, results for computed helices hardly change."""
 N_TERMS = 6 * N_HARMONICS
 """Number of states of the pattern error: cosine and sine coefficients of each harmonic in the plane, then those
 multiplied by the sine of the elevation, then those multiplied by its square."""
-
-PERMITTIVITY = 3.5
-"""Relative permittivity of the ground: dry gravel, ITU-R P.527 (assumed). Wet ground reflects 1.6 times as much at a
-grazing angle of 20 degrees, within the prior of the state `GROUND`."""
 
 COHERENCE_M = 0.3
 """Excess path at which the coherence of direct and ground wave has fallen to exp(-1/2): that of a pulse with an rms
@@ -165,12 +161,14 @@ def deviation_towards(
 
 
 @compiled_inner
-def ground_wave(length_m: float, reflected_m: float, rise_m: float, nearest_m: float) -> tuple[float, float]:
+def ground_wave(
+    length_m: float, reflected_m: float, rise_m: float, nearest_m: float, log_permittivity: float
+) -> tuple[float, float, float]:
     r"""Return the expected effect of the wave reflected by level ground.
 
     The polarisation of the source and the phase between both waves are unknown. With the Fresnel coefficients
-    :math:`\Gamma` of `PERMITTIVITY`, the share G of the energy that arrives before the end of the gate, and the
-    coherence c, the energy grows by the factor :math:`1 + \rho^2 x^2`, where x is the ratio of the gains and
+    :math:`\Gamma` of the ground, the share G of the energy that arrives before the end of the gate, and the coherence
+    c, the energy grows by the factor :math:`1 + \rho^2 x^2`, where x is the ratio of the gains and
 
     .. math:: \rho^2 = G \frac{\Gamma_\perp^2 + \Gamma_\parallel^2}{2} \left(\frac{r}{r_g}\right)^2
               \left(1 - \frac{c^2}{2}\right)
@@ -183,19 +181,23 @@ def ground_wave(length_m: float, reflected_m: float, rise_m: float, nearest_m: f
         reflected_m: Length :math:`r_g` of the reflected path.
         rise_m: Sum of the heights of source and element.
         nearest_m: Length of the direct path to the nearest element, whose pulse starts the gate.
+        log_permittivity: Logarithm of the relative permittivity of the ground; negative values count as 0.
 
     Returns:
-        :math:`\rho^2` and :math:`\rho_0 c`.
+        :math:`\rho^2`, its derivative by `log_permittivity`, and :math:`\rho_0 c`.
     """
-    cosine = rise_m / reflected_m
-    root = math.sqrt(PERMITTIVITY - 1.0 + cosine * cosine)
-    perpendicular = (cosine - root) / (cosine + root)
-    parallel = (PERMITTIVITY * cosine - root) / (PERMITTIVITY * cosine + root)
-    power = 0.5 * (perpendicular * perpendicular + parallel * parallel) * (length_m / reflected_m) ** 2
-    excess_m = reflected_m - length_m
-    power *= 0.5 * math.erfc((reflected_m - nearest_m - GATE_M) / (math.sqrt(2.0) * GATE_SPREAD_M))
-    coherence = math.exp(-0.5 * (excess_m / COHERENCE_M) ** 2)
-    return power * (1.0 - 0.5 * coherence * coherence), math.sqrt(power) * coherence
+    cosine, permittivity = rise_m / reflected_m, math.exp(max(log_permittivity, 0.0))
+    root = math.sqrt(permittivity - 1.0 + cosine * cosine)
+    across, along = cosine + root, permittivity * cosine + root
+    perpendicular, parallel = (cosine - root) / across, (permittivity * cosine - root) / along
+    slope = parallel * (2.0 * root * root - permittivity) / along**2 - perpendicular / across**2
+    slope *= permittivity * cosine / root
+    share = 0.5 * math.erfc((reflected_m - nearest_m - GATE_M) / (math.sqrt(2.0) * GATE_SPREAD_M))
+    share *= (length_m / reflected_m) ** 2
+    power = 0.5 * (perpendicular * perpendicular + parallel * parallel) * share
+    coherence = math.exp(-0.5 * ((reflected_m - length_m) / COHERENCE_M) ** 2)
+    of_mean = 1.0 - 0.5 * coherence * coherence
+    return power * of_mean, slope * share * of_mean, math.sqrt(power) * coherence
 
 
 class Gain(NamedTuple):
@@ -377,16 +379,15 @@ def predict(
         boresight = Boresight(cos * of[0] - sin * of[1], sin * of[0] + cos * of[1], of[2], of[3])
         direct = gain_of_point(array.pattern, boresight, ahead, left, up, array_state, deviation, of_array[terms:])
         image = gain_of_point(array.pattern, boresight, ahead, left, below, array_state, deviation, of_term)
-        power, coherent = ground_wave(length, reflected_m, -below, nearest_m)
-        power *= array_state[GROUND] * (image.gain / direct.gain) ** 2
-        energy = power * array_state[GROUND]
+        power, by_ground, coherent = ground_wave(length, reflected_m, -below, nearest_m, array_state[GROUND])
+        energy = power * (image.gain / direct.gain) ** 2
         ground = math.sqrt(1.0 + energy)
         own, factor = 1.0 + array_state[gains + e], ground / length
         larger = array.gain_factors[e] * own * factor
         nominal = factor * (array.gain_factors[e] * direct.gain + array.gain_offsets[e])
         model[e] = own * nominal + factor * array_state[offsets + e]
-        by_ground = model[e] / (1.0 + energy)
-        by_direct, by_image = larger - by_ground * energy / direct.gain, by_ground * energy / image.gain
+        by_energy = model[e] / (1.0 + energy)
+        by_direct, by_image = larger - by_energy * energy / direct.gain, by_energy * energy / image.gain
         by_ahead = by_direct * direct.by_ahead + by_image * image.by_ahead - model[e] * ahead / square
         by_left = by_direct * direct.by_left + by_image * image.by_left - model[e] * left / square
         turn = by_direct * direct.by_turn + by_image * image.by_turn
@@ -396,7 +397,7 @@ def predict(
         of_array[WIDENING] = by_direct * direct.by_widening + by_image * image.by_widening
         of_array[TILT_X] = by_direct * direct.by_tilt_x + by_image * image.by_tilt_x
         of_array[TILT_Y] = by_direct * direct.by_tilt_y + by_image * image.by_tilt_y
-        of_array[GROUND] = by_ground * power
+        of_array[GROUND] = 0.5 * by_energy * by_ground * (image.gain / direct.gain) ** 2
         of_array[gains + e], of_array[pointings + e], of_array[offsets + e] = nominal, -turn, factor
         for i in range(deviation.size):
             of_array[terms + i] = by_direct * of_array[terms + i] + by_image * of_term[i]

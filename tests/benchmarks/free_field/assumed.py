@@ -160,6 +160,8 @@ def _interference(case: Case, nature: Nature) -> FloatArray:
     vector = sights(pose, place_m, case.array)
     image = gains(sights(pose, image_of(place_m), case.array), case.array, nature)
     own = (1.0 + nature.errors.gain) * case.array.manifold.gain_factors / np.sqrt(2.0)
-    change = own * image * ground_effect(pose, place_m, case.array)[1] / np.linalg.norm(vector, axis=0)
+    change = (
+        own * image * ground_effect(pose, place_m, case.array, nature.permittivity)[1] / np.linalg.norm(vector, axis=0)
+    )
     phase = ground_phase(pose, place_m, case.array)
     return np.stack([change * np.cos(phase), change * np.sin(phase)], axis=-1)

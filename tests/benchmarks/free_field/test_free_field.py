@@ -22,7 +22,7 @@ from tests.benchmarks.free_field.figures import (
     ospa_m,
 )
 from tests.benchmarks.shares import few_or_many, share
-from tests.dirmusic.locating.forward_model import Nature, modelled
+from tests.dirmusic.locating.forward_model import GRAVEL, Nature, modelled
 
 FEW, FEW_WILD, FEW_STRENGTHS = 4, 16, 50
 """Numbers of cases in the short run. Wild bearings affect only some cases, and interference differs from case to case:
@@ -78,7 +78,7 @@ def test_front_and_back_of_the_array_have_the_modelled_strengths(n_cases: int) -
         case = draw_case(seed, heights_m=(4.0, 8.0))
         array = replace(case.array, manifold=case.real.manifold(), positions_m=case.real.positions_m)
         pose = case.true_pose[case.step]
-        clean = modelled(pose, np.repeat(case.sources_m, len(pose), axis=0), array, Nature(ground=1.0))
+        clean = modelled(pose, np.repeat(case.sources_m, len(pose), axis=0), array, Nature(permittivity=GRAVEL))
         is_back = clean < 0.5 * clean.max(axis=-1, keepdims=True)
         for part, ratios in ((~is_back, front), (is_back, back)):
             ratios.append(float(np.sum(case.pulses.strengths_v * clean * part) / np.sum(np.square(clean) * part)))

@@ -28,6 +28,9 @@ ARRAY = ArrayModel(
 )
 POSE_ERROR = PoseError(position_m=0.03, heading_rad=np.radians(0.5), correlation_s=1.0)
 START = ErrorLevels(unexplained=0.02, pattern=0.02)
+GRAVEL, WET_SOIL = 3.5, 24.0
+"""Relative permittivities at 1.75 GHz."""
+
 K_PER_M = 2 * np.pi * np.linspace(1.4e9, 2.2e9, 17) / 299_792_458.0
 
 
@@ -39,7 +42,8 @@ class Nature:
     tilt_rad: tuple[float, float] = (0.0, 0.0)
     errors: ElementErrors = ElementErrors.none(6)  # noqa: RUF009 - immutable
     terms: FloatArray | None = None
-    ground: float = 0.0
+    permittivity: float = 1.0
+    """Relative permittivity of the ground, which does not reflect if this is 1."""
     gain_of_direction: Callable[[FloatArray, FloatArray], FloatArray] | None = None
     """Gain of every element towards azimuth and elevation, both (n, 6), instead of `LOBE`."""
 
@@ -75,36 +79,45 @@ def gains(vector: FloatArray, array: ArrayModel, nature: Nature) -> FloatArray:
     return gain
 
 
-def reflection(vector: FloatArray, below: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Fresnel coefficients of dry gravel, perpendicular and parallel, and the excess path; each (n, 6)."""
+def reflection(vector: FloatArray, below: FloatArray, permittivity: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return Fresnel coefficients of the ground, perpendicular and parallel, and the excess path; each (n, 6)."""
     length_m, reflected_m = np.linalg.norm(vector, axis=0), np.linalg.norm(below, axis=0)
     cosine = -below[2] / reflected_m
-    root = np.sqrt(3.5 - 1.0 + cosine**2)
+    root = np.sqrt(permittivity - 1.0 + cosine**2)
     spreading = length_m / reflected_m
-    perpendicular, parallel = (cosine - root) / (cosine + root), (3.5 * cosine - root) / (3.5 * cosine + root)
+    perpendicular = (cosine - root) / (cosine + root)
+    parallel = (permittivity * cosine - root) / (permittivity * cosine + root)
     return spreading * perpendicular, spreading * parallel, reflected_m - length_m
+
+
+def share_in_gate(vector: FloatArray, below: FloatArray) -> FloatArray:
+    """Return the share of the energy of the ground wave that arrives before the end of the gate, shape (n, 6)."""
+    late_m = np.linalg.norm(below, axis=0) - np.linalg.norm(vector, axis=0).min(axis=-1, keepdims=True)
+    return ndtr((0.83 - late_m) / 0.17)
 
 
 def image_of(place_m: FloatArray) -> FloatArray:
     return place_m * [1.0, 1.0, -1.0]
 
 
-def ground_effect(pose: FloatArray, place_m: FloatArray, array: ArrayModel) -> tuple[FloatArray, FloatArray]:
+def ground_effect(
+    pose: FloatArray, place_m: FloatArray, array: ArrayModel, permittivity: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the share of energy that the ground wave adds within the gate for equal gains, and its coherent amplitude.
 
     Both have the shape (n, 6).
     """
     vector, below = sights(pose, place_m, array), sights(pose, image_of(place_m), array)
-    perpendicular, parallel, excess_m = reflection(vector, below)
-    late_m = np.linalg.norm(below, axis=0) - np.linalg.norm(vector, axis=0).min(axis=-1, keepdims=True)
+    perpendicular, parallel, excess_m = reflection(vector, below, permittivity)
     power, coherence = 0.5 * (perpendicular**2 + parallel**2), np.exp(-0.5 * (excess_m / 0.3) ** 2)
-    power *= ndtr((0.83 - late_m) / 0.17)
+    power *= share_in_gate(vector, below)
     return power * (1.0 - 0.5 * coherence**2), np.sqrt(power) * coherence
 
 
 def ground_phase(pose: FloatArray, place_m: FloatArray, array: ArrayModel) -> FloatArray:
     """Return the phase of the ground wave behind the direct one at 0.167 m wavelength, up to a constant; (n, 6)."""
-    return 2.0 * np.pi / 0.167 * reflection(sights(pose, place_m, array), sights(pose, image_of(place_m), array))[2]
+    below, direct = (np.linalg.norm(sights(pose, at_m, array), axis=0) for at_m in (image_of(place_m), place_m))
+    return 2.0 * np.pi / 0.167 * (below - direct)
 
 
 def modelled(
@@ -113,8 +126,8 @@ def modelled(
     """Return the strengths (n, 6) of pulses of amplitude 1 that the model expects; `power` fixes the ground wave."""
     vector, manifold, errors = sights(pose, place_m, array), array.manifold, nature.errors
     direct, image = gains(vector, array, nature), gains(sights(pose, image_of(place_m), array), array, nature)
-    power = ground_effect(pose, place_m, array)[0] if power is None else power
-    energy = power * (nature.ground * image / direct) ** 2
+    power = ground_effect(pose, place_m, array, nature.permittivity)[0] if power is None else power
+    energy = power * (image / direct) ** 2
     with_errors = (1.0 + errors.gain) * (manifold.gain_factors * direct + manifold.gain_offsets) + errors.offset
     return np.sqrt(1.0 + energy) / np.linalg.norm(vector, axis=0) * with_errors
 
@@ -128,9 +141,10 @@ def simulated(
     """
     vector, below = sights(pose, place_m, array), sights(pose, image_of(place_m), array)
     direct, image = gains(vector, array, nature), gains(below, array, nature)
-    perpendicular, parallel, excess_m = reflection(vector, below)
+    perpendicular, parallel, excess_m = reflection(vector, below, nature.permittivity)
     cos, sin = np.cos(polarisation_rad), np.sin(polarisation_rad)
-    wave = nature.ground * (perpendicular * cos + 1j * parallel * sin) / (cos + 1j * sin)
+    wave = (perpendicular * cos + 1j * parallel * sin) / (cos + 1j * sin)
+    wave *= np.sqrt(share_in_gate(vector, below))
     field = direct + image * wave * np.exp(-1j * np.multiply.outer(K_PER_M, excess_m))
     gain = np.sqrt(np.square(np.abs(field)).mean(axis=0)) * (1.0 + nature.errors.gain)
     return gain / np.linalg.norm(vector, axis=0)
@@ -143,7 +157,7 @@ def groups_from(
     n, world_rad = azimuth_rad.size, azimuth_rad + pose[:, 2]
     towards = np.column_stack([np.cos(world_rad), np.sin(world_rad)])
     place_m = np.column_stack([pose[:, :2] + range_m * towards, np.full(n, 0.9)])
-    strengths = modelled(pose, place_m, ARRAY, Nature(ground=1.0))
+    strengths = modelled(pose, place_m, ARRAY, Nature(permittivity=GRAVEL))
     norm = np.linalg.norm(strengths, axis=-1)
     return Groups(
         time_s=np.zeros(n) + np.asarray(time_s, dtype=np.float64),
@@ -262,7 +276,7 @@ def distorted(nature: Nature, i: int, step: float) -> Nature:
         nature,
         widening=nature.widening + change[0],
         tilt_rad=(nature.tilt_rad[0] + change[1], nature.tilt_rad[1] + change[2]),
-        ground=nature.ground + change[3],
+        permittivity=float(np.exp(max(np.log(nature.permittivity) + change[3], 0.0))),
         errors=ElementErrors(gain=gain, pointing_rad=pointing_rad, offset=offset),
         terms=(np.zeros(6 * N_HARMONICS) if terms is None else terms) + change[22:],
     )

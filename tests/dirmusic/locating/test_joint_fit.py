@@ -27,8 +27,10 @@ from tests.dirmusic.locating.forward_model import (
     ARRAY,
     BOARD_RAD,
     BOARDS_M,
+    GRAVEL,
     POSE_ERROR,
     START,
+    WET_SOIL,
     Nature,
     Survey,
     drawn_errors,
@@ -120,7 +122,8 @@ MISMATCHES: dict[str, Callable[[np.random.Generator], Nature]] = {
     "narrower 15 %": lambda rng: Nature(errors=drawn_errors(rng), widening=-0.15),
     "tilt": lambda rng: Nature(errors=drawn_errors(rng), tilt_rad=(np.radians(2.0), 0.0)),
     "yaw": lambda rng: Nature(errors=drawn_errors(rng, yaw_rad=np.radians(2.0))),
-    "ground": lambda rng: Nature(errors=drawn_errors(rng), ground=1.0),
+    "gravel": lambda rng: Nature(errors=drawn_errors(rng), permittivity=GRAVEL),
+    "wet soil": lambda rng: Nature(errors=drawn_errors(rng), permittivity=WET_SOIL),
 }
 
 
@@ -129,7 +132,7 @@ MISMATCHES: dict[str, Callable[[np.random.Generator], Nature]] = {
 )
 def test_regions_hold_when_nature_differs(name: str) -> None:
     """With a beam, mount or ground unlike the data sheet, 95 % regions hold the truth and heights are unbiased."""
-    outcome = Outcome(surveyed(MISMATCHES[name], 60, interferes=name == "ground"))
+    outcome = Outcome(surveyed(MISMATCHES[name], 60, interferes=name in {"gravel", "wet soil"}))
     least = binom.ppf(0.01, 60, 0.95)
     assert outcome.n_inside(2)[-1] >= least
     assert outcome.n_inside(3)[-1] >= least
@@ -141,7 +144,9 @@ def test_height_regions_cover_the_mirror_image() -> None:
     place_m, surveys = np.array([0.3, -0.2, 0.3]), list[Survey]()
     for k in range(16):
         rng = np.random.default_rng([11, k])
-        surveys.append(survey(rng, Nature(errors=drawn_errors(rng), ground=1.0), interferes=True, place_m=place_m))
+        surveys.append(
+            survey(rng, Nature(errors=drawn_errors(rng), permittivity=GRAVEL), interferes=True, place_m=place_m)
+        )
     outcome = Outcome(surveys)
     sigmas = np.abs(outcome.miss_m[:, 2]) / np.sqrt(outcome.covariance_m2[:, 2, 2])
     assert (outcome.miss_m[:, 2] > 0.4).any()
@@ -199,7 +204,8 @@ def test_source_below_the_array_is_not_certain_on_the_wrong_side() -> None:
     z, apart = [], []
     for k in range(30):
         rng = np.random.default_rng([11, k])
-        own = survey(rng, Nature(errors=drawn_errors(rng)), place_m=np.array([0.0, 0.0, rng.uniform(0.05, 1.15)]))
+        place_m, nature = np.array([0.0, 0.0, rng.uniform(0.05, 1.15)]), Nature(errors=drawn_errors(rng))
+        own = survey(rng, replace(nature, permittivity=GRAVEL), place_m=place_m, interferes=True)
         fits = [own.fit(start_m=np.array([0.3, 0.2, height_m])) for height_m in (0.2, 1.6)]
         miss_m = np.array([fit.positions_m[0, 2] - own.place_m[2] for fit in fits])
         z += list(miss_m / np.sqrt([fit.covariances_m2[0, 2, 2] for fit in fits]))

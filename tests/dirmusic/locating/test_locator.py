@@ -14,7 +14,7 @@ from dirmusic.arrays import FloatArray
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.rules import LocatingRules
-from tests.dirmusic.locating.forward_model import ARRAY, POSE_ERROR, Nature, drawn_errors, modelled
+from tests.dirmusic.locating.forward_model import ARRAY, GRAVEL, POSE_ERROR, Nature, drawn_errors, modelled
 from tests.dirmusic.scenes import around, rotation
 
 SOURCE_M = np.array([20.0, 15.0, 2.0])
@@ -43,7 +43,7 @@ def detections(
 ) -> Detections:
     """Simulate pulses of sources at places, shape (n_sources, 3) or (n_steps, n_sources, 3), every `STEP_S`."""
     rng, result = np.random.default_rng(seed), Detections()
-    nature = nature or Nature(errors=drawn_errors(rng), ground=1.0)
+    nature = nature or Nature(errors=drawn_errors(rng), permittivity=GRAVEL)
     error = np.array([POSE_ERROR.position_m, POSE_ERROR.position_m, POSE_ERROR.heading_rad])
     places_m = np.broadcast_to(places_m, (len(path), *np.shape(places_m)[-2:]))
     for k, (pose, at_m) in enumerate(zip(path, places_m, strict=True)):
@@ -305,7 +305,7 @@ def test_order_of_elements_does_not_matter() -> None:
 )
 def test_known_errors_are_dropped_if_pulses_contradict_them(change: float) -> None:
     """Errors as learned in an earlier mission are used until the array has changed."""
-    before = Nature(errors=drawn_errors(np.random.default_rng(8)), ground=1.0)
+    before = Nature(errors=drawn_errors(np.random.default_rng(8)), permittivity=GRAVEL)
     after = replace(before, errors=replace(before.errors, gain=before.errors.gain + change * (-1.0) ** np.arange(6)))
     path = path_round(SOURCE_M[:2], 3.5, 0.0, 300.0, 160)
     learned = listen(detections(path, SOURCE_M[np.newaxis], 8, nature=before))[0].array_estimate()
@@ -319,7 +319,7 @@ def test_known_errors_are_dropped_if_pulses_contradict_them(change: float) -> No
 def test_level_is_that_of_precise_pulses() -> None:
     """Weak pulses from around the source, twice as many as its own, change neither its place nor its level."""
     rng, path = np.random.default_rng(0), path_round(SOURCE_M[:2], 3.5, 0.0, 200.0, 120)
-    nature = Nature(errors=drawn_errors(rng), ground=1.0)
+    nature = Nature(errors=drawn_errors(rng), permittivity=GRAVEL)
     own = detections(path, SOURCE_M[np.newaxis], 0, rate=0.3, nature=nature)
     around_m = SOURCE_M + rng.normal(0.0, 0.5, (len(path), 1, 3)) * [1.0, 1.0, 0.0]
     weak = detections(path, around_m, 1, volts=0.1, rate=0.6, nature=nature)

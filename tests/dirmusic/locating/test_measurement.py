@@ -26,6 +26,7 @@ from tests.dirmusic.locating.forward_model import ARRAY as RING
 from tests.dirmusic.locating.forward_model import (
     BOARD_RAD,
     BOARDS_M,
+    GRAVEL,
     LOBE,
     START,
     Nature,
@@ -55,7 +56,7 @@ NATURE = Nature(
     tilt_rad=(0.03, -0.02),
     errors=replace(drawn_errors(RNG), offset=RNG.normal(0.0, 0.01, 6)),
     terms=RNG.normal(0.0, 0.003, N_TERMS),
-    ground=1.2,
+    permittivity=5.0,
 )
 NOISE = Noise(position_m=0.05, heading_rad=0.01, unexplained=0.03)
 PLACE_M = np.array([3.0, 2.0, 2.2])
@@ -64,7 +65,7 @@ POSE = np.column_stack([RNG.uniform(-5.0, 8.0, (N, 2)), RNG.uniform(-np.pi, np.p
 
 def state_of(nature: Nature) -> FloatArray:
     errors, terms = nature.errors, np.zeros(N_TERMS) if nature.terms is None else nature.terms
-    common = [nature.widening, *nature.tilt_rad, nature.ground]
+    common = [nature.widening, *nature.tilt_rad, np.log(nature.permittivity)]
     return np.concatenate([common, errors.gain, errors.pointing_rad, errors.offset, terms])
 
 
@@ -111,7 +112,6 @@ def across(model: FloatArray, change: FloatArray) -> FloatArray:
 def differences(k: int, pose: FloatArray) -> FloatArray:
     """Return central differences of the modelled strengths of a pulse by all states, shape (6, n_states)."""
     one, place_m = pose[k : k + 1], PLACE_M[np.newaxis]
-    power = ground_effect(one, place_m, ARRAY)[0]
     columns, step = [], 1e-5
     for i in range(3 + state_of(NATURE).size):
         ends = []
@@ -121,6 +121,7 @@ def differences(k: int, pose: FloatArray) -> FloatArray:
                 moved_m[0, i] += sign
             else:
                 nature = distorted(NATURE, i - 3, sign)
+            power = ground_effect(one, place_m, ARRAY, nature.permittivity)[0]
             ends.append(modelled(one, moved_m, ARRAY, nature, power)[0])
         columns.append((ends[0] - ends[1]) / (2 * step))
     return np.array(columns).T
@@ -138,7 +139,7 @@ def test_strengths_equal_the_formula() -> None:
 
 
 def test_slopes_equal_central_differences() -> None:
-    """All derivatives belong to the formula with the coefficient of the ground wave held fixed."""
+    """All derivatives belong to the formula; those by position hold the coefficient of the ground wave fixed."""
     pulses = drawn_pulses()
     for k in range(N):
         result, (amplitude, _, _) = prediction(pulses, k)
@@ -149,8 +150,8 @@ def test_slopes_equal_central_differences() -> None:
 
 
 def test_gradient_is_that_of_the_cost() -> None:
-    """With fixed errors of the pulses, also those of another state, and without ground."""
-    nature = replace(NATURE, ground=0.0)
+    """With fixed errors of the pulses, also those of another state, and ground that does not reflect."""
+    nature = replace(NATURE, permittivity=0.9)
     pulses, source, once = drawn_pulses(), np.zeros(N, dtype=np.intp), np.ones(N)
     data = pulses, nominal_array(ARRAY), NOISE
     at = np.concatenate([PLACE_M, state_of(nature)])
@@ -189,7 +190,7 @@ def test_covariance_is_that_of_pose_noise_and_ground() -> None:
         result, (amplitude, shared, _) = prediction(pulses, k)
         one, place_m, change = POSE[k : k + 1], PLACE_M[np.newaxis], differences(k, POSE)
         image = gains(sights(one, image_of(place_m), ARRAY), ARRAY, NATURE)[0]
-        _, coherent = ground_effect(one, place_m, ARRAY)
+        _, coherent = ground_effect(one, place_m, ARRAY, NATURE.permittivity)
         larger = MANIFOLD.gain_factors * (1 + NATURE.errors.gain)
         ground = larger * image * coherent[0] / np.linalg.norm(sights(one, place_m, ARRAY), axis=0)[0]
         phase, ground = ground_phase(one, place_m, ARRAY)[0], ground / np.sqrt(2.0)
@@ -239,7 +240,7 @@ def test_unusable_channel_has_no_influence() -> None:
 
 def test_source_at_the_height_of_the_array_has_finite_slopes() -> None:
     """Nothing is singular where the elevation is zero, or without a ground wave."""
-    place_m, state = np.array([3.0, 2.0, BOARDS_M[0, 2]]), state_of(replace(NATURE, ground=0.0))
+    place_m, state = np.array([3.0, 2.0, BOARDS_M[0, 2]]), state_of(replace(NATURE, permittivity=1.0))
     level = replace(ARRAY, positions_m=BOARDS_M)
     assert all(np.isfinite(column).all() for column in prediction(drawn_pulses(), 0, level, place_m, state)[0])
 
@@ -267,20 +268,20 @@ def test_density_integrates_to_one() -> None:
 def test_offset_of_likely_bearings_is_standard_normal() -> None:
     """With states, pose and noise drawn as believed, offsets of bearings have mean 0 and variance 1."""
     rng, state = np.random.default_rng(4), np.zeros(22 + N_TERMS)
-    state[3] = 1.0
+    state[3] = np.log(GRAVEL)
     uncertainty = 0.1 * uncertainty_of(state)  # so small that the model is linear
     pose = np.repeat(POSE, 150, axis=0)
     drawn, strengths = rng.multivariate_normal(np.zeros(len(uncertainty)), uncertainty, size=len(pose)), []
     true_pose = pose + rng.normal(size=pose.shape) * [0.05, 0.05, 0.01]
     for k, own in enumerate(drawn):
         errors = ElementErrors(gain=own[7:13], pointing_rad=own[13:19], offset=own[19:25])
-        nature = Nature(widening=own[3], tilt_rad=(own[4], own[5]), errors=errors, terms=own[25:], ground=1 + own[6])
+        nature = Nature(widening=own[3], tilt_rad=(own[4], own[5]), errors=errors, terms=own[25:])
+        nature = replace(nature, permittivity=GRAVEL * np.exp(own[6]))
         one, place_m = true_pose[k : k + 1], (PLACE_M + own[:3])[np.newaxis]
         image = gains(sights(one, image_of(place_m), ARRAY), ARRAY, nature)
         phase, (cos, sin) = ground_phase(one, place_m, ARRAY), np.sqrt(0.5) * rng.normal(size=2)
-        image *= (
-            MANIFOLD.gain_factors * ground_effect(one, place_m, ARRAY)[1] * (cos * np.cos(phase) + sin * np.sin(phase))
-        )
+        image *= MANIFOLD.gain_factors * ground_effect(one, place_m, ARRAY, nature.permittivity)[1]
+        image *= cos * np.cos(phase) + sin * np.sin(phase)
         range_m = np.linalg.norm(sights(one, place_m, ARRAY), axis=0)
         clean = (modelled(one, place_m, ARRAY, nature) + image / range_m)[0]
         clean *= 1 + unexplained_error(one, PLACE_M, NOISE.unexplained)[0] * rng.normal(size=6)

@@ -10,7 +10,7 @@ from dirmusic.locating.joint_fit import array_prior, nominal_array
 from dirmusic.locating.pulse_pairs import compare_pairs
 from dirmusic.locating.pulse_pool import PulsePool, pair_pulses
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources
-from tests.dirmusic.locating.forward_model import ARRAY, POSE_ERROR, START, Nature, modelled
+from tests.dirmusic.locating.forward_model import ARRAY, GRAVEL, POSE_ERROR, START, Nature, modelled
 from tests.dirmusic.locating.test_locator import path_round
 
 CENTRE_M = np.array([20.0, 15.0, 1.8])
@@ -22,7 +22,7 @@ def surveyed(places_m: FloatArray, seed: int, *, noise: float = 0.01, n_poses: i
     rng, pool = np.random.default_rng(seed), PulsePool(ARRAY, POSE_ERROR)
     for k, pose in enumerate(path_round(CENTRE_M[:2], 4.0, 0.0, 250.0, n_poses)):
         own_m, shared = places_m[rng.integers(len(places_m), size=4)], 1.0 + rng.normal(0.0, 0.1, 6)
-        strengths_v = shared * modelled(np.tile(pose, (4, 1)), own_m, ARRAY, Nature(widening=0.1, ground=1.0))
+        strengths_v = shared * modelled(np.tile(pose, (4, 1)), own_m, ARRAY, Nature(widening=0.1, permittivity=GRAVEL))
         strengths_v /= strengths_v.max()
         std_v = np.full(strengths_v.shape, noise)
         pulses = PulseBatch.detected(np.zeros(4), np.abs(strengths_v + rng.normal(0.0, std_v)), np.square(std_v))
