@@ -82,8 +82,8 @@ a bracket 0.3 m wide that is 5 mm off."""
 
 GROUND_PRIOR = (np.log(9.0), 0.9)
 """Prior mean and standard deviation of the logarithm of the relative permittivity of the ground (assumed). Dry gravel
-has 3.5 (ITU-R P.527), asphalt 6, wet soil 24 (ITU-R P.2040-3). With a mean of 6, medians of 90
-errors of positions change by less than a twentieth."""
+has 3.5 (ITU-R P.527), asphalt 6, wet soil 24 (ITU-R P.2040-3). With a mean of ln 6, the
+median error of 90 positions changes by less than a tenth."""
 
 PATTERN_DECAY = 1.5
 """Exponent of the decay of the prior of the pattern error with the harmonic, as for a gain with a smooth slope.
