@@ -122,6 +122,11 @@ FREE_QUANTILE, MOST_WEAKENED_DB, LEAST_RANGE_M = 0.75, 20.0, 0.5
 and least range for these levels (assumed). With a quantile of 0.6 or 0.9, ellipses of surveys among equipment without a
 map are hardly worse."""
 
+EDGE_M = 0.09
+"""Standard deviation of the apparent position, in each direction, of a source whose direct paths all pass close above
+an edge, such as a bushing on a tank: waves diffracted there arrive together with the direct one. The likeliest value
+for 83 findings at bushings in simulated yards; 0.07 and 0.12 m are less likely by factors of 15 and 24."""
+
 SPREAD_DB = (1.5, 8.0)
 """Limits of the estimated spread of levels (assumed)."""
 
@@ -449,8 +454,15 @@ class Locator:
         for k, track in enumerate(tracks):
             states = np.r_[N_PLACE * k : N_PLACE * (k + 1), n : estimate.state.size]
             uncertainty = estimate.cautious_covariance[np.ix_(states, states)]
-            track.move(estimate.positions_m[k], estimate.covariances_m2[k], uncertainty, self.pose_error.position_m)
+            position_m, covariance_m2 = estimate.positions_m[k], estimate.covariances_m2[k]
+            covariance_m2 = covariance_m2 + self._edge_error(position_m, track.direct, rows[k])
+            track.move(position_m, covariance_m2, uncertainty, self.pose_error.position_m)
         return estimate
+
+    def _edge_error(self, position_m: FloatArray, probability: FloatArray, rows: IntArray) -> FloatArray:
+        """Return the covariance of an apparent position by waves that are diffracted at edges, shape (3, 3)."""
+        is_close = self._visibility.is_close_to_edge(position_m)[self._pool.groups.place[rows]]
+        return np.average(is_close, weights=probability[rows]) * EDGE_M**2 * np.eye(N_PLACE)
 
     def _choose(self, track: Track, probability: FloatArray, n: int) -> IntArray:
         """Choose at most n rows of groups with a sufficient probability (n_groups,); near ones tell more."""

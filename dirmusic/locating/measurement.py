@@ -48,6 +48,9 @@ N_TERMS = 6 * N_HARMONICS
 """Number of states of the pattern error: cosine and sine coefficients of each harmonic in the plane, then those
 multiplied by the sine of the elevation, then those multiplied by its square."""
 
+LOG_PERMITTIVITY = (1e-6, 7.0)
+"""Limits of the logarithm of the relative permittivity of the ground, for numerical safety; water has 4.4."""
+
 COHERENCE_M = 0.3
 """Excess path at which the coherence of direct and ground wave has fallen to exp(-1/2): that of a pulse with an rms
 bandwidth of 160 MHz (Dir-MUSIC, section 4.2)."""
@@ -179,14 +182,16 @@ def ground_wave(
     Args:
         length_m: Length r of the direct path.
         reflected_m: Length :math:`r_g` of the reflected path.
-        rise_m: Sum of the heights of source and element.
+        rise_m: Sum of the heights of source and element; its sign does not matter.
         nearest_m: Length of the direct path to the nearest element, whose pulse starts the gate.
-        log_permittivity: Logarithm of the relative permittivity of the ground; negative values count as 0.
+        log_permittivity: Logarithm of the relative permittivity of the ground; values beyond `LOG_PERMITTIVITY` count
+            as its limits.
 
     Returns:
         :math:`\rho^2`, its derivative by `log_permittivity`, and :math:`\rho_0 c`.
     """
-    cosine, permittivity = rise_m / reflected_m, math.exp(max(log_permittivity, 0.0))
+    permittivity = math.exp(min(max(log_permittivity, LOG_PERMITTIVITY[0]), LOG_PERMITTIVITY[1]))
+    cosine = abs(rise_m) / reflected_m
     root = math.sqrt(permittivity - 1.0 + cosine * cosine)
     across, along = cosine + root, permittivity * cosine + root
     perpendicular, parallel = (cosine - root) / across, (permittivity * cosine - root) / along

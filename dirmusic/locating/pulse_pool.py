@@ -30,6 +30,10 @@ ACCURATE_RAD = np.radians(2.0)
 PAIR_RAD = np.radians(20.0)
 """Largest gap between directions of pulses that are compared in pairs (assumed): half a metre at a range of 1.4 m."""
 
+WITHIN_M, EDGE_BELOW_M = 0.6, 1.5
+"""Depth in front of a source within which equipment is ignored, and how far below a source a point must be hidden so
+that paths to the source are close to an edge (assumed)."""
+
 ROUNDING = 1e-6
 """Share of a window or second by which a time may be rounded down."""
 
@@ -349,7 +353,7 @@ class Visibility:
         """Return the transmission from all places to a source at likely heights, shape (4, n_places).
 
         The heights are one standard deviation below the estimate, the estimate, and one and two above it; more above,
-        because obstacles are more often below a source. Equipment within 0.6 m of the target is ignored. All assumed.
+        because obstacles are more often below a source (assumed).
 
         Args:
             position_m: Position of the source, world frame, shape (3,).
@@ -357,7 +361,16 @@ class Visibility:
         """
         targets = np.tile(position_m, (4, 1))
         targets[:, 2] = np.maximum(targets[:, 2] + height_std_m * np.array([-1.0, 0.0, 1.0, 2.0]), 0.1)
-        return np.array([self.transmission(target_m, 0.6) for target_m in targets])
+        return np.array([self.transmission(target_m, WITHIN_M) for target_m in targets])
+
+    def is_close_to_edge(self, position_m: FloatArray) -> BoolArray:
+        """Return whether the direct path from each place to a source passes close above an edge, shape (n_places,).
+
+        That is so if the source is in free sight, but not a point `EDGE_BELOW_M` below it.
+        """
+        below_m = np.array([*position_m[:2], max(position_m[2] - EDGE_BELOW_M, 0.1)])
+        is_free, is_free_below = (self.transmission(at_m, WITHIN_M) > 0.5 for at_m in (position_m, below_m))
+        return is_free & ~is_free_below
 
 
 def choose_evenly(numbers: IntArray, most: int, weight: FloatArray | None = None) -> IntArray:
