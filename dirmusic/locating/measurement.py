@@ -190,13 +190,13 @@ def ground_wave(
     Returns:
         :math:`\rho^2`, its derivative by `log_permittivity`, and :math:`\rho_0 c`.
     """
-    permittivity = math.exp(min(max(log_permittivity, LOG_PERMITTIVITY[0]), LOG_PERMITTIVITY[1]))
-    cosine = abs(rise_m) / reflected_m
+    within = min(max(log_permittivity, LOG_PERMITTIVITY[0]), LOG_PERMITTIVITY[1])
+    cosine, permittivity = abs(rise_m) / reflected_m, math.exp(within)
     root = math.sqrt(permittivity - 1.0 + cosine * cosine)
     across, along = cosine + root, permittivity * cosine + root
     perpendicular, parallel = (cosine - root) / across, (permittivity * cosine - root) / along
     slope = parallel * (2.0 * root * root - permittivity) / along**2 - perpendicular / across**2
-    slope *= permittivity * cosine / root
+    slope *= permittivity * cosine / root if within == log_permittivity else 0.0
     share = 0.5 * math.erfc((reflected_m - nearest_m - GATE_M) / (math.sqrt(2.0) * GATE_SPREAD_M))
     share *= (length_m / reflected_m) ** 2
     power = 0.5 * (perpendicular * perpendicular + parallel * parallel) * share

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic import Locator, PulseBatch
+from dirmusic.locating.locator import EDGE_M
 from dirmusic.locating.protocol import LineOfSight
 from tests.dirmusic.locating.forward_model import GRAVEL, Nature, modelled
 from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, around, detected, with_bearings
@@ -46,6 +47,14 @@ def test_height_error_agrees_with_its_deviation(height_m: float) -> None:
 def over_the_tank(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -> np.ndarray:
     """Return the transmission for a map with a tank that hides targets below `TANK_TOP_M` from all places."""
     return np.full(len(places_m), float(target_m[2] > TANK_TOP_M))
+
+
+def test_paths_close_above_an_edge_make_the_position_less_certain() -> None:
+    """A source 1 m above a tank has a larger covariance than without the tank, but not one 1.8 m above it."""
+    for height_m, more_m in ((3.0, EDGE_M), (3.8, 0.0)):
+        source_m = np.array([10.0, 10.0, height_m])
+        (above,), (free,) = (drive_round(source_m, 1, sight).findings for sight in (over_the_tank, None))
+        np.testing.assert_allclose(above.covariance_m2 - free.covariance_m2, more_m**2 * np.eye(3), atol=1e-4)
 
 
 def test_source_on_a_tank_is_confirmed_but_not_inside() -> None:

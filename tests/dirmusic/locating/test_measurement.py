@@ -9,6 +9,7 @@ from dirmusic import ArrayModel, ElementErrors, GainManifold
 from dirmusic.arrays import FloatArray, IntArray
 from dirmusic.locating.joint_fit import array_prior, nominal_array
 from dirmusic.locating.measurement import (
+    GROUND,
     N_SHARED,
     N_TERMS,
     TINY_VARIANCE,
@@ -238,11 +239,14 @@ def test_unusable_channel_has_no_influence() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_source_at_the_height_of_the_array_has_finite_slopes() -> None:
-    """Nothing is singular where the elevation is zero, or without a ground wave."""
-    place_m, state = np.array([3.0, 2.0, BOARDS_M[0, 2]]), state_of(replace(NATURE, permittivity=1.0))
-    level = replace(ARRAY, positions_m=BOARDS_M)
-    assert all(np.isfinite(column).all() for column in prediction(drawn_pulses(), 0, level, place_m, state)[0])
+def test_slopes_are_finite_at_any_height_and_ground() -> None:
+    """Nothing is singular where the elevation is zero, below the ground, or without a ground wave."""
+    level, without = replace(ARRAY, positions_m=BOARDS_M), state_of(replace(NATURE, permittivity=1.0))
+    for height_m in BOARDS_M[0, 2] * np.array([1.0, -1.0, -3.0]):
+        place_m = np.array([3.0, 2.0, height_m])
+        for state in (without, without + 1e3 * (np.arange(without.size) == GROUND)):
+            predicted = prediction(drawn_pulses(), 0, level, place_m, state)[0]
+            assert all(np.isfinite(column).all() for column in predicted)
 
 
 def test_density_integrates_to_one() -> None:
