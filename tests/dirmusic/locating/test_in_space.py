@@ -6,17 +6,17 @@ import pytest
 from dirmusic import Locator, PulseBatch
 from dirmusic.locating.locator import EDGE_M
 from dirmusic.locating.protocol import LineOfSight
-from tests.dirmusic.locating.forward_model import GRAVEL, Nature, modelled
-from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, around, detected, with_bearings
+from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, RING, around, detected, sights, with_bearings
 
 NOISE_V = 1e-3
 TANK_TOP_M = 2.0
 
 
 def pulses_of(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.random.Generator) -> PulseBatch:
-    """Make two pulses of a source above gravel, received by an array with gain errors."""
-    expected = 0.8 * gains * modelled(pose[np.newaxis], source_m[np.newaxis], ARRAY, Nature(permittivity=GRAVEL))
-    strengths = np.abs(expected + rng.normal(0.0, NOISE_V, (2, 6)))
+    """Make two pulses of a source in space, received by an array with gain errors."""
+    azimuth, elevation, range_m = sights(pose[np.newaxis], source_m)
+    gain = gains * RING.response_in_space(azimuth - RING.boresights_rad, elevation).gain
+    strengths = np.abs(0.8 / range_m * gain + rng.normal(0.0, NOISE_V, (2, 6)))
     return with_bearings(detected(strengths, NOISE_V))
 
 

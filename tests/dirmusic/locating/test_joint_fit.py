@@ -204,8 +204,7 @@ def test_source_below_the_array_is_not_certain_on_the_wrong_side() -> None:
     z, apart = [], []
     for k in range(30):
         rng = np.random.default_rng([11, k])
-        place_m, nature = np.array([0.0, 0.0, rng.uniform(0.05, 1.15)]), Nature(errors=drawn_errors(rng))
-        own = survey(rng, replace(nature, permittivity=GRAVEL), place_m=place_m, interferes=True)
+        own = survey(rng, Nature(errors=drawn_errors(rng)), place_m=np.array([0.0, 0.0, rng.uniform(0.05, 1.15)]))
         fits = [own.fit(start_m=np.array([0.3, 0.2, height_m])) for height_m in (0.2, 1.6)]
         miss_m = np.array([fit.positions_m[0, 2] - own.place_m[2] for fit in fits])
         z += list(miss_m / np.sqrt([fit.covariances_m2[0, 2, 2] for fit in fits]))
