@@ -89,14 +89,8 @@ def in_free_field() -> Outcome:
     return Outcome(surveys)
 
 
-IS_LARGE = pytest.mark.xfail(
-    strict=True,
-    reason="heights cover the other side of the array's plane and errors of the pattern, of which none is here",
-)
-
-
 @pytest.mark.whole
-@pytest.mark.parametrize("dimensions", [2, pytest.param(3, marks=IS_LARGE)])
+@pytest.mark.parametrize("dimensions", [2, 3])
 def test_regions_in_free_field_cover_as_stated(dimensions: int) -> None:
     """If all is drawn by the priors, regions hold the stated share, within the binomial band of 99 %."""
     n_inside = in_free_field().n_inside(dimensions)
