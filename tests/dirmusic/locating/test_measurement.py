@@ -249,6 +249,15 @@ def test_slopes_are_finite_at_any_height_and_ground() -> None:
             assert all(np.isfinite(column).all() for column in predicted)
 
 
+@pytest.mark.parametrize("height_m", [1.5, -1.5])
+def test_ground_like_air_does_not_reflect(height_m: float) -> None:
+    """Strengths are those of the direct wave, also at a height below the ground, which a fit may pass through."""
+    nature, place_m = replace(NATURE, permittivity=1.0), np.array([3.0, 2.0, height_m])
+    direct = modelled(POSE[:1], place_m[np.newaxis], ARRAY, nature, np.zeros((1, 6)))[0]
+    model = prediction(drawn_pulses(), 0, place_m=place_m, state=state_of(nature))[0].model
+    np.testing.assert_allclose(model, direct, rtol=1e-6)
+
+
 def test_density_integrates_to_one() -> None:
     """The density of strengths is normalised over directions of the strengths near the prediction."""
     rng, state = np.random.default_rng(3), state_of(NATURE)
