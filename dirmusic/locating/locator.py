@@ -53,7 +53,7 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pairs import compare_pairs
 from dirmusic.locating.pulse_pool import ROUNDING, PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
+from dirmusic.locating.track import LOCATED_M, NEVER_FITTED, Evidence, Track, merge
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
@@ -96,10 +96,6 @@ compared again (assumed)."""
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
 which on a candidate is replaced (assumed)."""
-
-LOCATED_M = 2.0
-"""Semi-major axis up to which the map decides whether a track is visible; a larger ellipse reaches around obstacles
-(assumed)."""
 
 DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
 """Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
@@ -716,12 +712,11 @@ class Locator:
         place = track.position_m[:2], size**2 * track.covariance_m2[:2, :2]
         if is_sure and self.fence_m is not None and not reaches95(*place, np.asarray(self.fence_m)):
             return "outside"
-        least = self.rules.confirm_probability
-        least_odds, longest_m = float(logit(least)), self.rules.confirm_semi_major_m
+        least_odds, slack = float(logit(self.rules.confirm_probability)), 1.0
         if track.state == "confirmed":
-            least_odds, longest_m = DOUBT_LOG_ODDS, DOUBT_FACTOR * longest_m
-        is_located = track.semi_major_m <= longest_m and track.aperture_rad >= self.rules.confirm_aperture_rad
-        return "confirmed" if track.log_odds >= least_odds and is_located else "candidate"
+            least_odds, slack = DOUBT_LOG_ODDS, DOUBT_FACTOR
+        is_confirmed = track.log_odds >= least_odds and track.is_located(self.rules, slack)
+        return "confirmed" if is_confirmed else "candidate"
 
 
 def weighted_median(values: FloatArray, weight: FloatArray) -> float:

@@ -15,11 +15,16 @@ from dirmusic.locating.finding import Finding, State, ellipse95
 from dirmusic.locating.initiation import APART_M
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 from dirmusic.locating.measurement import N_PLACE
+from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources
 
 MOVED, GROWN = 0.1, 1.25
 """Squared Mahalanobis distance, and factor of the semi-major axis, by which a track may change before all pulses are
 compared with it anew. Assumed; halving both changes no finding."""
+
+LOCATED_M = 2.0
+"""Semi-major axis up to which the map decides whether a track is visible, and up to which a track that is possibly two
+is confirmed (assumed). A larger ellipse reaches around obstacles; two sources as far apart are located one by one."""
 
 TWINS_APART_M = 0.2
 """Distance within which two tracks are merged that have been split (assumed)."""
@@ -111,6 +116,17 @@ class Track:
         """True if two sources explain its pulses better, but it has not been split."""
         return self.two.is_possible and not self.twin
 
+    @property
+    def stated_covariance_m2(self) -> FloatArray:
+        """Covariance of its finding, which includes the distance between the two that it possibly is, shape (3, 3)."""
+        return self.covariance_m2 + self.two.scatter_m2 * self.is_possibly_two
+
+    def is_located(self, rules: LocatingRules, slack: float = 1.0) -> bool:
+        """Return whether ellipses and lines of sight suffice to confirm it; `slack` multiplies the limits of axes."""
+        is_small = self.semi_major_m <= slack * rules.confirm_semi_major_m
+        is_stated_small = ellipse95(self.stated_covariance_m2[:2, :2]).semi_major_m <= slack * LOCATED_M
+        return is_small and is_stated_small and self.aperture_rad >= rules.confirm_aperture_rad
+
     def move(
         self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray, pose_std_m: float
     ) -> None:
@@ -127,7 +143,7 @@ class Track:
             id=self.id,
             state=self.state,
             position_m=self.position_m,
-            covariance_m2=self.covariance_m2 + self.two.scatter_m2 * self.is_possibly_two,
+            covariance_m2=self.stated_covariance_m2,
             possibly_two=self.is_possibly_two,
             existence=float(expit(self.log_odds)),
             n_bearings=self.n_pulses,
