@@ -97,9 +97,8 @@ MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
 which on a candidate is replaced (assumed)."""
 
-DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
-"""Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
-again (assumed)."""
+DOUBT_LOG_ODDS = 0.0
+"""Log odds below which a confirmed finding becomes a candidate again (assumed)."""
 
 KEPT_OUTSIDE = 0.5
 """Factor of the ellipse and of the evidence with which a track beyond the fence stays there (assumed), so that its
@@ -712,11 +711,8 @@ class Locator:
         place = track.position_m[:2], size**2 * track.covariance_m2[:2, :2]
         if is_sure and self.fence_m is not None and not reaches95(*place, np.asarray(self.fence_m)):
             return "outside"
-        least_odds, slack = float(logit(self.rules.confirm_probability)), 1.0
-        if track.state == "confirmed":
-            least_odds, slack = DOUBT_LOG_ODDS, DOUBT_FACTOR
-        is_confirmed = track.log_odds >= least_odds and track.is_located(self.rules, slack)
-        return "confirmed" if is_confirmed else "candidate"
+        least_odds = DOUBT_LOG_ODDS if track.state == "confirmed" else float(logit(self.rules.confirm_probability))
+        return "confirmed" if track.log_odds >= least_odds and track.is_located(self.rules) else "candidate"
 
 
 def weighted_median(values: FloatArray, weight: FloatArray) -> float:

@@ -24,7 +24,11 @@ compared with it anew. Assumed; halving both changes no finding."""
 
 LOCATED_M = 2.0
 """Semi-major axis up to which the map decides whether a track is visible, and up to which a track that is possibly two
-is confirmed (assumed). A larger ellipse reaches around obstacles; two sources as far apart are located one by one."""
+becomes confirmed (assumed). A larger ellipse reaches around obstacles; two sources as far apart are located one by one.
+A confirmed track stays so, because reflections from afar do not change where it is."""
+
+DOUBT_FACTOR = 1.5
+"""Factor of the largest semi-major axis above which a confirmed track becomes a candidate again (assumed)."""
 
 TWINS_APART_M = 0.2
 """Distance within which two tracks are merged that have been split (assumed)."""
@@ -121,11 +125,12 @@ class Track:
         """Covariance of its finding, which includes the distance between the two that it possibly is, shape (3, 3)."""
         return self.covariance_m2 + self.two.scatter_m2 * self.is_possibly_two
 
-    def is_located(self, rules: LocatingRules, slack: float = 1.0) -> bool:
-        """Return whether ellipses and lines of sight suffice to confirm it; `slack` multiplies the limits of axes."""
-        is_small = self.semi_major_m <= slack * rules.confirm_semi_major_m
-        is_stated_small = ellipse95(self.stated_covariance_m2[:2, :2]).semi_major_m <= slack * LOCATED_M
-        return is_small and is_stated_small and self.aperture_rad >= rules.confirm_aperture_rad
+    def is_located(self, rules: LocatingRules) -> bool:
+        """Return whether its ellipses and its lines of sight suffice to confirm it, or to keep it confirmed."""
+        is_confirmed = self.state == "confirmed"
+        is_small = self.semi_major_m <= rules.confirm_semi_major_m * (DOUBT_FACTOR if is_confirmed else 1.0)
+        is_stated_small = ellipse95(self.stated_covariance_m2[:2, :2]).semi_major_m <= LOCATED_M
+        return is_small and (is_stated_small or is_confirmed) and self.aperture_rad >= rules.confirm_aperture_rad
 
     def move(
         self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray, pose_std_m: float

@@ -71,5 +71,8 @@ def test_track_is_located_by_the_ellipse_that_is_stated() -> None:
         track.two = TwoSources(1e3, np.array([[0.5 * apart_m, 0.0, 0.0], [-0.5 * apart_m, 0.0, 0.0]]), np.full(2, 0.5))
         assert track.finding().possibly_two
         assert track.is_located(rules) == is_located
+    track.state = "confirmed"
+    assert track.is_located(rules)
+    track.state = "candidate"
     track.two, track.covariance_m2 = TwoSources(-np.inf, np.zeros((2, 3)), np.array([1.0, 0.0])), 0.1 * np.eye(3)
     assert not track.is_located(rules)
