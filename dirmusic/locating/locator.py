@@ -53,7 +53,7 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pairs import compare_pairs
 from dirmusic.locating.pulse_pool import ROUNDING, PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import LOCATED_M, NEVER_FITTED, Evidence, Track, merge
+from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
@@ -96,6 +96,10 @@ compared again (assumed)."""
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
 which on a candidate is replaced (assumed)."""
+
+LOCATED_M = 2.0
+"""Semi-major axis up to which the map decides whether a track is visible; a larger ellipse reaches around obstacles
+(assumed)."""
 
 DOUBT_LOG_ODDS = 0.0
 """Log odds below which a confirmed finding becomes a candidate again (assumed)."""

@@ -22,10 +22,9 @@ MOVED, GROWN = 0.1, 1.25
 """Squared Mahalanobis distance, and factor of the semi-major axis, by which a track may change before all pulses are
 compared with it anew. Assumed; halving both changes no finding."""
 
-LOCATED_M = 2.0
-"""Semi-major axis up to which the map decides whether a track is visible, and up to which a track that is possibly two
-becomes confirmed (assumed). A larger ellipse reaches around obstacles; two sources as far apart are located one by one.
-A confirmed track stays so, because reflections from afar do not change where it is."""
+ONE_FINDING_M = 2.0
+"""Largest distance of two sources that become confirmed as one finding (assumed); farther apart, they are located one
+by one. A confirmed finding stays so, because reflections from afar do not change where it is."""
 
 DOUBT_FACTOR = 1.5
 """Factor of the largest semi-major axis above which a confirmed track becomes a candidate again (assumed)."""
@@ -120,17 +119,12 @@ class Track:
         """True if two sources explain its pulses better, but it has not been split."""
         return self.two.is_possible and not self.twin
 
-    @property
-    def stated_covariance_m2(self) -> FloatArray:
-        """Covariance of its finding, which includes the distance between the two that it possibly is, shape (3, 3)."""
-        return self.covariance_m2 + self.two.scatter_m2 * self.is_possibly_two
-
     def is_located(self, rules: LocatingRules) -> bool:
-        """Return whether its ellipses and its lines of sight suffice to confirm it, or to keep it confirmed."""
+        """Return whether its ellipse and its lines of sight suffice to confirm it, or to keep it confirmed."""
         is_confirmed = self.state == "confirmed"
         is_small = self.semi_major_m <= rules.confirm_semi_major_m * (DOUBT_FACTOR if is_confirmed else 1.0)
-        is_stated_small = ellipse95(self.stated_covariance_m2[:2, :2]).semi_major_m <= LOCATED_M
-        return is_small and (is_stated_small or is_confirmed) and self.aperture_rad >= rules.confirm_aperture_rad
+        is_one_place = is_confirmed or not self.is_possibly_two or self.two.apart_m <= ONE_FINDING_M
+        return is_small and is_one_place and self.aperture_rad >= rules.confirm_aperture_rad
 
     def move(
         self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray, pose_std_m: float
@@ -148,7 +142,7 @@ class Track:
             id=self.id,
             state=self.state,
             position_m=self.position_m,
-            covariance_m2=self.stated_covariance_m2,
+            covariance_m2=self.covariance_m2 + self.two.scatter_m2 * self.is_possibly_two,
             possibly_two=self.is_possibly_two,
             existence=float(expit(self.log_odds)),
             n_bearings=self.n_pulses,

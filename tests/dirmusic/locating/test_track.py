@@ -4,7 +4,7 @@ import numpy as np
 
 from dirmusic.locating.initiation import APART_M
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import TWINS_APART_M, Track, merge
+from dirmusic.locating.track import ONE_FINDING_M, TWINS_APART_M, Track, merge
 from dirmusic.locating.two_sources import TwoSources
 
 MERGE_M = 0.3
@@ -61,18 +61,18 @@ def test_twins_may_be_closer_until_they_part() -> None:
     assert twin.twin == 0
 
 
-def test_track_is_located_by_the_ellipse_that_is_stated() -> None:
-    """Two sources a metre apart may be one finding; a track whose pulses come from places 5 m apart is not located."""
+def test_two_sources_far_apart_do_not_become_confirmed_as_one() -> None:
+    """A track whose ellipse is small is located, but not if its pulses come from places farther apart."""
     rules, track = LocatingRules(), track_at(4.0, 1)
     assert not track.is_located(rules)
     track.aperture_rad = rules.confirm_aperture_rad
     assert track.is_located(rules)
-    for apart_m, is_located in ((1.0, True), (5.0, False)):
-        track.two = TwoSources(1e3, np.array([[0.5 * apart_m, 0.0, 0.0], [-0.5 * apart_m, 0.0, 0.0]]), np.full(2, 0.5))
+    half_m = 0.5 * ONE_FINDING_M * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    for factor in (0.9, 1.1):
+        track.two = TwoSources(1e3, factor * half_m, np.full(2, 0.5))
         assert track.finding().possibly_two
-        assert track.is_located(rules) == is_located
+        assert track.is_located(rules) == (factor < 1.0)
     track.state = "confirmed"
     assert track.is_located(rules)
-    track.state = "candidate"
-    track.two, track.covariance_m2 = TwoSources(-np.inf, np.zeros((2, 3)), np.array([1.0, 0.0])), 0.1 * np.eye(3)
+    track.covariance_m2 = 0.1 * np.eye(3)
     assert not track.is_located(rules)
