@@ -101,8 +101,9 @@ LOCATED_M = 2.0
 """Semi-major axis up to which the map decides whether a track is visible; a larger ellipse reaches around obstacles
 (assumed)."""
 
-DOUBT_LOG_ODDS = 0.0
-"""Log odds below which a confirmed finding becomes a candidate again (assumed)."""
+DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
+"""Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
+again (assumed)."""
 
 KEPT_OUTSIDE = 0.5
 """Factor of the ellipse and of the evidence with which a track beyond the fence stays there (assumed), so that its
@@ -715,8 +716,12 @@ class Locator:
         place = track.position_m[:2], size**2 * track.covariance_m2[:2, :2]
         if is_sure and self.fence_m is not None and not reaches95(*place, np.asarray(self.fence_m)):
             return "outside"
-        least_odds = DOUBT_LOG_ODDS if track.state == "confirmed" else float(logit(self.rules.confirm_probability))
-        return "confirmed" if track.log_odds >= least_odds and track.is_located(self.rules) else "candidate"
+        least = self.rules.confirm_probability
+        least_odds, longest_m = float(logit(least)), self.rules.confirm_semi_major_m
+        if track.state == "confirmed":
+            least_odds, longest_m = DOUBT_LOG_ODDS, DOUBT_FACTOR * longest_m
+        is_located = track.semi_major_m <= longest_m and track.aperture_rad >= self.rules.confirm_aperture_rad
+        return "confirmed" if track.log_odds >= least_odds and is_located else "candidate"
 
 
 def weighted_median(values: FloatArray, weight: FloatArray) -> float:

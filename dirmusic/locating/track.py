@@ -15,19 +15,11 @@ from dirmusic.locating.finding import Finding, State, ellipse95
 from dirmusic.locating.initiation import APART_M
 from dirmusic.locating.joint_fit import LEVEL_PRIOR_DB
 from dirmusic.locating.measurement import N_PLACE
-from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources
 
 MOVED, GROWN = 0.1, 1.25
 """Squared Mahalanobis distance, and factor of the semi-major axis, by which a track may change before all pulses are
 compared with it anew. Assumed; halving both changes no finding."""
-
-ONE_FINDING_M = 2.0
-"""Largest distance of two sources that become confirmed as one finding (assumed); farther apart, they are located one
-by one. A confirmed finding stays so, because reflections from afar do not change where it is."""
-
-DOUBT_FACTOR = 1.5
-"""Factor of the largest semi-major axis above which a confirmed track becomes a candidate again (assumed)."""
 
 TWINS_APART_M = 0.2
 """Distance within which two tracks are merged that have been split (assumed)."""
@@ -118,13 +110,6 @@ class Track:
     def is_possibly_two(self) -> bool:
         """True if two sources explain its pulses better, but it has not been split."""
         return self.two.is_possible and not self.twin
-
-    def is_located(self, rules: LocatingRules) -> bool:
-        """Return whether its ellipse and its lines of sight suffice to confirm it, or to keep it confirmed."""
-        is_confirmed = self.state == "confirmed"
-        is_small = self.semi_major_m <= rules.confirm_semi_major_m * (DOUBT_FACTOR if is_confirmed else 1.0)
-        is_one_place = is_confirmed or not self.is_possibly_two or self.two.apart_m <= ONE_FINDING_M
-        return is_small and is_one_place and self.aperture_rad >= rules.confirm_aperture_rad
 
     def move(
         self, position_m: FloatArray, covariance_m2: FloatArray, uncertainty: FloatArray, pose_std_m: float

@@ -1,11 +1,9 @@
-"""Merging of tracks, and when they are located."""
+"""Merging of tracks."""
 
 import numpy as np
 
 from dirmusic.locating.initiation import APART_M
-from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import ONE_FINDING_M, TWINS_APART_M, Track, merge
-from dirmusic.locating.two_sources import TwoSources
+from dirmusic.locating.track import TWINS_APART_M, Track, merge
 
 MERGE_M = 0.3
 
@@ -59,20 +57,3 @@ def test_twins_may_be_closer_until_they_part() -> None:
     twin.twin = source.id
     assert kept(source, twin) == {1, 2}
     assert twin.twin == 0
-
-
-def test_two_sources_far_apart_do_not_become_confirmed_as_one() -> None:
-    """A track whose ellipse is small is located, but not if its pulses come from places farther apart."""
-    rules, track = LocatingRules(), track_at(4.0, 1)
-    assert not track.is_located(rules)
-    track.aperture_rad = rules.confirm_aperture_rad
-    assert track.is_located(rules)
-    half_m = 0.5 * ONE_FINDING_M * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    for factor in (0.9, 1.1):
-        track.two = TwoSources(1e3, factor * half_m, np.full(2, 0.5))
-        assert track.finding().possibly_two
-        assert track.is_located(rules) == (factor < 1.0)
-    track.state = "confirmed"
-    assert track.is_located(rules)
-    track.covariance_m2 = 0.1 * np.eye(3)
-    assert not track.is_located(rules)
