@@ -92,11 +92,11 @@ def accuracy() -> str:
         "missions", "found (%)", "within 0.3 m (%)", "median error (m)", "95 % below (m)", "coverage 2-D 95 %",
         "time to confirm (s)", "false",
     )  # fmt: skip
-    parts = {"test, not used for tuning": "test", "public": "public"}
+    parts = {"test, on new seeds": "test", "public": "public"}
     texts = {part: cells(summarise_groups(rows_of(name))[-1]) for part, name in parts.items()}
-    values = {heading: text.partition(" (")[0] for heading, text in texts["test, not used for tuning"].items()}
+    values = {heading: text.partition(" (")[0] for heading, text in texts["test, on new seeds"].items()}
     sentence = (
-        f"**In {values['missions']} simulated missions, in yards that were not used for tuning, the robot found "
+        f"**In {values['missions']} simulated missions of the test part, on new seeds, the robot found "
         f"{values['found (%)']} % of the discharges with a median position error of {values['median error (m)']} m, "
         f"and reported {values['false']} discharges that do not exist.**"
     )

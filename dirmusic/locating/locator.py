@@ -125,7 +125,8 @@ map are hardly worse."""
 EDGE_M = 0.09
 """Standard deviation of the apparent position, in each direction, of a source whose direct paths all pass close above
 an edge, such as a bushing on a tank: waves diffracted there arrive together with the direct one. The likeliest value
-for 83 findings at bushings in simulated yards; 0.07 and 0.12 m are less likely by factors of 15 and 24."""
+for 83 findings at bushings in yards of both parts of the suite; 0.07 and 0.12 m are less likely by factors of 15 and
+24."""
 
 SPREAD_DB = (1.5, 8.0)
 """Limits of the estimated spread of levels (assumed)."""
