@@ -89,9 +89,9 @@ LEAST_UNTRIED = 0.5
 """Least share of the pulses of a new track that no deleted track had (assumed): a refuted place is tried again when it
 has twice as many pulses, or when a newly confirmed source explains others."""
 
-LEAST_TESTED, MOST_TESTED, TESTED_GROWTH = 10, 500, 1.5
-"""Least and largest number of groups of a track that are compared with two sources, and growth after which they are
-compared again (assumed)."""
+LEAST_TESTED, MOST_TESTED, TESTED_CHANGE = 10, 500, 1.5
+"""Least and largest number of groups of a track that are compared with two sources, and factor by which that number
+rises or falls before they are compared again (assumed); they are, too, when another source has been confirmed."""
 
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
@@ -104,6 +104,10 @@ LOCATED_M = 2.0
 DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
 """Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
 again (assumed)."""
+
+ONE_FINDING_M = 2.0
+"""Largest distance of two sources that become confirmed as one finding (assumed); farther apart, they are located one
+by one. Once it is confirmed, it may be again, because reflections from afar do not change where it is."""
 
 KEPT_OUTSIDE = 0.5
 """Factor of the ellipse and of the evidence with which a track beyond the fence stays there (assumed), so that its
@@ -267,8 +271,8 @@ class Locator:
             self._maximise(rounds)
             self._expect()
         self._keep(merge(self._tracks, self.rules.merge_m))
-        self._judge(time_s)
         self._split()
+        self._judge(time_s)
         self._delete()
         self.findings = tuple(track.finding() for track in self._tracks)
 
@@ -536,7 +540,7 @@ class Locator:
                 continue
             near = self._near(track, sight)
             n = float(near.sum())
-            if n < max(TESTED_GROWTH * track.n_tested, LEAST_TESTED):
+            if n < LEAST_TESTED or track.n_tested / TESTED_CHANGE < n < TESTED_CHANGE * track.n_tested:
                 continue
             track.n_tested = n
             place = track.position_m, self._array_state, self._nominal
@@ -544,9 +548,8 @@ class Locator:
             track.two = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place, by_residuals)
             if not track.two.is_possible:
                 track.two = self._compare_with_two(track, near)._replace(may_be_reflection=True)
-            is_confirmed = track.state == "confirmed" and track.two.is_certain
-            is_candidate = track.state == "candidate" and track.two.is_certain_of_candidate
-            if (is_confirmed or is_candidate) and not track.twin:
+            is_certain = track.two.is_certain if self._is_established(track) else track.two.is_certain_of_candidate
+            if is_certain and not track.twin:
                 self._split_in_two(track)
 
     def _compare_with_two(self, track: Track, probability: FloatArray) -> TwoSources:
@@ -571,7 +574,7 @@ class Locator:
         """
         groups, others = self._pool.groups, np.zeros(track.direct.size)
         for other in self._tracks:
-            if other is not track and other.state == "confirmed":
+            if other is not track and self._is_established(other):
                 others += other.direct
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
@@ -709,6 +712,8 @@ class Locator:
         if track.state == "confirmed" and track.confirmed_s is None:
             track.confirmed_s = time_s
             self._is_tried[:] = False
+            for other in self._tracks:
+                other.n_tested = 0.0
 
     def _state(self, track: Track) -> State:
         """Return the state of a track; one that is confirmed or beyond the fence has more lenient limits."""
@@ -717,12 +722,17 @@ class Locator:
         place = track.position_m[:2], size**2 * track.covariance_m2[:2, :2]
         if is_sure and self.fence_m is not None and not reaches95(*place, np.asarray(self.fence_m)):
             return "outside"
-        least = self.rules.confirm_probability
-        least_odds, longest_m = float(logit(least)), self.rules.confirm_semi_major_m
+        was_confirmed = track.confirmed_s is not None
+        is_one_place = was_confirmed or not track.is_possibly_two or track.two.apart_m <= ONE_FINDING_M
+        return "confirmed" if self._is_established(track) and is_one_place else "candidate"
+
+    def _is_established(self, track: Track) -> bool:
+        """Return whether a track is probable and located enough to become confirmed, or to stay so."""
+        least_odds, longest_m = float(logit(self.rules.confirm_probability)), self.rules.confirm_semi_major_m
         if track.state == "confirmed":
             least_odds, longest_m = DOUBT_LOG_ODDS, DOUBT_FACTOR * longest_m
         is_located = track.semi_major_m <= longest_m and track.aperture_rad >= self.rules.confirm_aperture_rad
-        return "confirmed" if track.log_odds >= least_odds and is_located else "candidate"
+        return track.log_odds >= least_odds and is_located
 
 
 def weighted_median(values: FloatArray, weight: FloatArray) -> float:

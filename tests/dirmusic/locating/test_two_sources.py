@@ -15,13 +15,22 @@ N_CASES = 3
 
 
 @cache
-def located(seed: int, apart_m: float) -> tuple[FloatArray, list[Finding]]:
-    """Drive round two sources in a random direction from each other, or round one if `apart_m` is 0."""
+def surveyed(seed: int, apart_m: float) -> tuple[FloatArray, list[tuple[Finding, ...]]]:
+    """Drive round two sources in a random direction from each other, or round one if `apart_m` is 0.
+
+    Returns:
+        Positions of the sources, and the findings at all times.
+    """
     angle = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi)
     half_m = 0.5 * apart_m * np.array([np.cos(angle), np.sin(angle), 0.0])
     places_m = np.array([CENTRE_M + half_m, CENTRE_M - half_m])[: 1 + (apart_m > 0.0)]
-    locator, _ = listen(detections(path_round(CENTRE_M[:2], 4.0, 0.0, 250.0, 240), places_m, seed))
-    return places_m, confirmed(locator)
+    return places_m, listen(detections(path_round(CENTRE_M[:2], 4.0, 0.0, 250.0, 240), places_m, seed))[1]
+
+
+def located(seed: int, apart_m: float) -> tuple[FloatArray, list[Finding]]:
+    """Return the positions of the sources and the confirmed findings at the end of `surveyed`."""
+    places_m, history = surveyed(seed, apart_m)
+    return places_m, [finding for finding in history[-1] if finding.state == "confirmed"]
 
 
 @pytest.mark.whole
@@ -31,8 +40,18 @@ def test_sources_a_metre_and_more_apart_are_found_one_by_one(apart_m: float) -> 
     for seed in range(N_CASES):
         places_m, findings = located(seed, apart_m)
         off_m = np.array([finding.position_m - places_m[:, np.newaxis] for finding in findings])
-        n_right += len(findings) == 2 and bool((np.linalg.norm(off_m, axis=-1).min(axis=0) < 0.3).all())
+        is_near = len(findings) == 2 and bool((np.linalg.norm(off_m, axis=-1).min(axis=0) < 0.3).all())
+        n_right += is_near and not any(finding.possibly_two for finding in findings)
     assert n_right >= N_CASES - 1
+
+
+@pytest.mark.whole
+def test_pulses_of_places_far_apart_are_not_confirmed_as_one_finding() -> None:
+    for seed in range(N_CASES):
+        first = dict[int, Finding]()
+        for findings in surveyed(seed, 2.5)[1]:
+            first = {finding.id: finding for finding in findings if finding.state == "confirmed"} | first
+        assert not any(finding.possibly_two for finding in first.values())
 
 
 @pytest.mark.whole
