@@ -543,27 +543,28 @@ class Locator:
             if n < LEAST_TESTED or track.n_tested / TESTED_CHANGE < n < TESTED_CHANGE * track.n_tested:
                 continue
             track.n_tested = n
-            place = track.position_m, self._array_state, self._nominal
-            by_residuals = self._compare_with_two(track, track.direct)
+            place, earlier = (track.position_m, self._array_state, self._nominal), track.two
+            by_residuals = self._compare_with_two(track, track.direct, earlier)
             track.two = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place, by_residuals)
             if not track.two.is_possible:
-                track.two = self._compare_with_two(track, near)._replace(may_be_reflection=True)
+                track.two = self._compare_with_two(track, near, earlier)._replace(may_be_reflection=True)
             is_certain = track.two.is_certain if self._is_established(track) else track.two.is_certain_of_candidate
             if is_certain and not track.twin:
                 self._split_in_two(track)
 
-    def _compare_with_two(self, track: Track, probability: FloatArray) -> TwoSources:
+    def _compare_with_two(self, track: Track, probability: FloatArray, earlier: TwoSources) -> TwoSources:
         """Compare groups near a track with two sources, if they are enough.
 
         Args:
             track: The track.
             probability: Probability that each group belongs to it, or to a source near it, shape (n,).
+            earlier: Earlier result for it.
         """
         if probability.sum() < LEAST_TESTED:
             return ONE_SOURCE
         rows = self._choose(track, probability, MOST_TESTED)
         groups, place = self._pool.groups.take(rows), (track.position_m, self._array_state, self._nominal)
-        return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error)
+        return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error, earlier)
 
     def _near(self, track: Track, sight: FloatArray) -> FloatArray:
         """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,).

@@ -123,7 +123,7 @@ def compare_pairs(
     data = whiten_pairs(pairs.take(rows), groups, place_m, array_state, array)
     variance = float(np.median(data.square)) / data.n_dimensions
     one = fit_mixture(data, Mixture(np.zeros(N_PLACE), np.array([0.98, 0.0, 0.0, 0.02]), variance), N_ROUNDS)
-    starts = (Mixture(START_M[0] * axis, np.array([0.5, 0.24, 0.24, 0.02]), variance) for axis in AXES)
+    starts = (Mixture(START_M * axis, np.array([0.5, 0.24, 0.24, 0.02]), variance) for axis in AXES)
     firsts = (fit_mixture(data, start, FIRST_ROUNDS) for start in starts)
     two = fit_mixture(data, max(firsts, key=lambda found: found.log_likelihood(data)), N_ROUNDS)
     offsets_m = 0.5 * np.array([two.apart_m, -two.apart_m])

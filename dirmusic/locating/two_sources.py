@@ -40,9 +40,8 @@ from dirmusic.locating.pulse_pool import Groups
 UNEXPLAINED = (0.02, 0.04, 0.08, 0.16)
 """Levels of unexplained errors that are tried."""
 
-START_M, START_AXES = (0.3, 0.8), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.7, 0.7, 0.0], [0.7, -0.7, 0.0]])
-"""Distances of both sources from the estimate, and directions, at the start of the iteration (assumed). With the first
-distance alone, 3 of 6 pairs 1.5 m apart are missed that are seen from 20 poses."""
+START_M, START_AXES = 0.3, np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.7, 0.7, 0.0], [0.7, -0.7, 0.0]])
+"""Distance of both sources from the estimate, and directions, at the start of the iteration (assumed)."""
 
 FIRST_ROUNDS, N_ROUNDS, N_LINEARISED, MIN_SHARE = 8, 10, 4, 1e-3
 """Number of rounds of expectation maximisation before and after residuals are computed about the positions found,
@@ -148,6 +147,7 @@ def compare_with_two(
     array_state: FloatArray,
     array: NominalArray,
     pose_error: PoseError,
+    earlier: TwoSources = ONE_SOURCE,
 ) -> TwoSources:
     """Test whether the groups of a track come from two sources.
 
@@ -159,6 +159,7 @@ def compare_with_two(
         array_state: States of the array.
         array: The array as in its data sheet.
         pose_error: Error of the poses.
+        earlier: Earlier result for the track, from which the iteration starts too if it was possible.
     """
     pulses, (_, number) = pooled(groups), np.unique(window, return_inverse=True)
     weight = probability / np.sqrt(np.maximum(np.bincount(number, probability)[number], 1.0))
@@ -176,7 +177,8 @@ def compare_with_two(
     for scatter in scatters:
         ones.append(fit([scatter], weight, np.zeros((1, N_PLACE)), np.ones(1), FIRST_ROUNDS))
     k = max(range(len(ones)), key=lambda k: ones[k].evidence)
-    starts = [ones[k].offsets_m + m * np.array([axis, -axis]) for m in START_M for axis in START_AXES]
+    starts = [ones[k].offsets_m + START_M * np.array([axis, -axis]) for axis in START_AXES]
+    starts += [earlier.offsets_m] if earlier.is_possible else []
     trials = [fit([scatters[k]] * 2, weight, start, np.full(2, 0.5), FIRST_ROUNDS) for start in starts]
     first = max(trials, key=lambda trial: trial.evidence)
     twos = [first._replace(unexplained=UNEXPLAINED[k])]
