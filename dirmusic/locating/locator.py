@@ -714,7 +714,7 @@ class Locator:
             track.confirmed_s = time_s
             self._is_tried[:] = False
             for other in self._tracks:
-                other.n_tested = 0.0
+                other.n_tested *= other is track
 
     def _state(self, track: Track) -> State:
         """Return the state of a track; one that is confirmed or beyond the fence has more lenient limits."""
