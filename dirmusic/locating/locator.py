@@ -714,7 +714,8 @@ class Locator:
             track.confirmed_s = time_s
             self._is_tried[:] = False
             for other in self._tracks:
-                other.n_tested *= other is track
+                if other is not track:
+                    other.n_tested = 0.0
 
     def _state(self, track: Track) -> State:
         """Return the state of a track; one that is confirmed or beyond the fence has more lenient limits."""
