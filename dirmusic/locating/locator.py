@@ -569,6 +569,8 @@ class Locator:
     def _near(self, track: Track, sight: FloatArray) -> FloatArray:
         """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,).
 
+        Where the map hides the track, waves come from the edges near it, which look like a second source.
+
         Args:
             track: The track.
             sight: Unit vectors from the array along the direction of each group, world frame, shape (n, 2).
@@ -580,7 +582,7 @@ class Locator:
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
         is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
-        return np.where(is_near, 1.0 - others, track.direct)
+        return np.where(is_near, (1.0 - others) * track.compared.direct, track.direct)
 
     def _split_in_two(self, track: Track) -> None:
         """Replace a track by two at its both likely positions."""

@@ -1,8 +1,9 @@
-"""A mission with strong multipath."""
+"""Missions with strong multipath."""
 
 import numpy as np
 import pytest
 
+from pdpatrol.envs import load_scenario
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
@@ -22,3 +23,12 @@ def test_crossing_reflections_are_not_confirmed_repeatedly() -> None:
     for number in np.unique(finding["id"]):
         is_confirmed = finding["state"][finding["id"] == number] == "confirmed"
         assert (is_confirmed[:-1] & ~is_confirmed[1:]).sum() <= 1, number
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("seed", [98, 99, 113])
+def test_waves_bent_around_an_edge_are_not_a_second_source(seed: int) -> None:
+    """The source is on a face of a transformer, 1.2 or 1.5 m from its edge, and the robot drives round it."""
+    report = make_report(run_mission(load_scenario("one_source"), "seek", seed=seed), 0.0)
+    assert report.scores.sources[0].found
+    assert not any(finding.possibly_two for finding in report.findings)
