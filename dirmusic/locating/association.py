@@ -17,7 +17,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit, gammaln, ndtr, ndtri
+from scipy.special import expit, gammaln, logit, ndtr, ndtri
+from scipy.stats import norm
 
 from dirmusic.arrays import BoolArray, FloatArray, IntArray
 from dirmusic.locating.measurement import FAR_OFF, Noise, NominalArray, PooledPulses, compare
@@ -46,6 +47,9 @@ that probability (assumed): 0.98 in free sight, 0.02 behind two insulators or me
 LEAST_TRANSMISSION = 10 ** (-20.0 / 20.0)
 """Least transmission that levels are corrected for (assumed): beyond it, other paths are stronger."""
 
+SIGHT_ROUNDS = 20
+"""Number of rounds in which the share of waves in free sight is estimated (assumed)."""
+
 LEAST_SHARE, EXTRA_NONE = 1e-3, 0.3
 """Number of pulses that every source is given in each window, so that none is excluded, and number added to those of no
 source (assumed)."""
@@ -58,6 +62,7 @@ class Comparison(NamedTuple):
         log_density: Log density of the strengths.
         level_db: Level 1 m from the source, corrected for the attenuation on the map, dB relative to 1 V.
         level_error_db: Standard deviation of this level.
+        loss_db: That attenuation, dB.
         bearing_std_rad: Standard deviation of the bearing.
         bearing_offset: Offset of the bearing in standard deviations.
         direct: Probability that the direct path is the strongest one, if the pulse came from the source.
@@ -67,6 +72,7 @@ class Comparison(NamedTuple):
     log_density: FloatArray
     level_db: FloatArray
     level_error_db: FloatArray
+    loss_db: FloatArray
     bearing_std_rad: FloatArray
     bearing_offset: FloatArray
     direct: FloatArray
@@ -158,15 +164,15 @@ def compare_groups(
     compare(
         np.arange(n), position_m, array_state, uncertainty, pooled(groups), array, noise, groups.azimuth_rad, result
     )
-    loss_db = -20.0 * np.log10(np.maximum(transmission, LEAST_TRANSMISSION))
+    at_heights_db = -20.0 * np.log10(np.maximum(transmission, LEAST_TRANSMISSION))
+    loss_db = at_heights_db[len(at_heights_db) // 3]
     return Comparison(
         log_density=result[:, 0],
-        level_db=20.0 * np.log10(np.maximum(result[:, 1], 1e-12)) + groups.level_db + loss_db[len(loss_db) // 3],
+        level_db=20.0 * np.log10(np.maximum(result[:, 1], 1e-12)) + groups.level_db + loss_db,
         level_error_db=np.sqrt(
-            LEVEL_ERROR_DB**2
-            + np.square(MAP_ERROR_SHARE * loss_db[len(loss_db) // 3])
-            + np.square(0.5 * np.ptp(loss_db, axis=0))
+            LEVEL_ERROR_DB**2 + np.square(MAP_ERROR_SHARE * loss_db) + np.square(0.5 * np.ptp(at_heights_db, axis=0))
         ),
+        loss_db=loss_db,
         bearing_std_rad=result[:, 2],
         bearing_offset=result[:, 3],
         direct=direct_probability(transmission).mean(axis=0),
@@ -251,6 +257,34 @@ def possible_origin(
     of_candidates = ~is_confirmed[:, np.newaxis] * (association.direct + association.multipath)
     gain = of_candidates.sum(axis=0) - of_candidates
     return np.clip(alone, association.direct, association.direct + gain)
+
+
+def in_sight_probability(compared: Comparison, level: Level, n_pulses: FloatArray, is_near: BoolArray) -> FloatArray:
+    """Return the probability that groups came in free sight from a source or from another one near it, shape (n,).
+
+    Where the map hides the source, waves reach the array around an edge near it, with the attenuation on the map, or
+    come from a source that is not hidden, without. The share of the latter is estimated by expectation maximisation
+    from the levels, with equal levels of both sources.
+
+    Args:
+        compared: Comparison with the source.
+        level: Level of the source.
+        n_pulses: Number of pulses of each group, shape (n,).
+        is_near: True for the groups whose line of sight passes near the source, shape (n,).
+    """
+    probability = compared.direct * is_near
+    rows = np.flatnonzero(is_near & (compared.direct < 0.5))
+    hidden, n = compared.take(rows), n_pulses[rows]
+    bent, free = (
+        norm.logpdf(hidden.level_db - loss_db, level.mean_db, np.hypot(error_db, level.spread_db / np.sqrt(n)))
+        for loss_db, error_db in ((0.0, hidden.level_error_db), (hidden.loss_db, LEVEL_ERROR_DB))
+    )
+    share, own = 0.5, np.empty(0)
+    for _ in range(SIGHT_ROUNDS if rows.size else 0):
+        own = expit(logit(share) + free - bent)
+        share = float(np.clip(own.mean(), 1e-6, 1.0 - 1e-6))
+    probability[rows] += (1.0 - hidden.direct) * own
+    return probability
 
 
 def window_shares(probability: FloatArray, n_pulses: FloatArray, window: IntArray) -> FloatArray:

@@ -19,6 +19,7 @@ from dirmusic.locating.association import (
     Level,
     associate,
     compare_groups,
+    in_sight_probability,
     likelihoods,
     pooled,
     possible_origin,
@@ -53,7 +54,7 @@ from dirmusic.locating.protocol import LineOfSight, PoseError
 from dirmusic.locating.pulse_pairs import compare_pairs
 from dirmusic.locating.pulse_pool import ROUNDING, PulsePool, Visibility, choose_evenly
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.track import NEVER_FITTED, Evidence, Track, merge
+from dirmusic.locating.track import NEVER_FITTED, NEVER_TESTED, Evidence, Track, merge
 from dirmusic.locating.two_sources import ONE_SOURCE, TwoSources, compare_with_two
 from dirmusic.pulses.batch import PulseBatch
 
@@ -90,8 +91,9 @@ LEAST_UNTRIED = 0.5
 has twice as many pulses, or when a newly confirmed source explains others."""
 
 LEAST_TESTED, MOST_TESTED, TESTED_CHANGE = 10, 500, 1.5
-"""Least and largest number of groups of a track that are compared with two sources, and factor by which that number
-rises or falls before they are compared again (assumed); they are, too, when another source has been confirmed."""
+"""Least and largest number of groups of a track that are compared with two sources, and factor by which their number or
+that of groups near it rises or falls before they are compared again (assumed); they are, too, when another source has
+been confirmed."""
 
 MAX_CANDIDATES, STALE_S, LEAST_EVIDENCE = 4, 15.0, -1.0
 """Number of candidates from which on a new one replaces another; and the age of the last pulse, or the evidence, from
@@ -104,6 +106,10 @@ LOCATED_M = 2.0
 DOUBT_LOG_ODDS, DOUBT_FACTOR = 0.0, 1.5
 """Log odds below which, and factor of the largest semi-major axis above which, a confirmed finding becomes a candidate
 again (assumed)."""
+
+MOST_IN_SIGHT = 0.5
+"""Share of the groups near a track that come from poses with the track in sight, up to which they are no reflections
+(assumed)."""
 
 ONE_FINDING_M = 2.0
 """Largest distance of two sources that become confirmed as one finding (assumed); farther apart, they are located one
@@ -539,15 +545,18 @@ class Locator:
             if track.log_odds <= 0.0 or track.semi_major_m >= LOCATED_M or track.state == "outside":
                 continue
             near = self._near(track, sight)
-            n = float(near.sum())
-            if n < LEAST_TESTED or track.n_tested / TESTED_CHANGE < n < TESTED_CHANGE * track.n_tested:
+            n_groups = float(track.direct.sum()), float(near.sum())
+            change = np.add(n_groups, LEAST_TESTED) / np.add(track.n_tested, LEAST_TESTED)
+            if sum(n_groups) < LEAST_TESTED or ((change > 1.0 / TESTED_CHANGE) & (change < TESTED_CHANGE)).all():
                 continue
-            track.n_tested = n
+            track.n_tested = n_groups
             place, earlier = (track.position_m, self._array_state, self._nominal), track.two
             by_residuals = self._compare_with_two(track, track.direct, earlier)
             track.two = compare_pairs(self._pool.pairs, self._pool.groups, track.direct, *place, by_residuals)
             if not track.two.is_possible:
-                track.two = self._compare_with_two(track, near, earlier)._replace(may_be_reflection=True)
+                of_both = self._compare_with_two(track, track.direct + near, earlier)
+                in_sight = float(near @ track.compared.direct) / max(n_groups[1], 1e-9)
+                track.two = of_both._replace(may_be_reflection=in_sight > MOST_IN_SIGHT)
             is_certain = track.two.is_certain if self._is_established(track) else track.two.is_certain_of_candidate
             if is_certain and not track.twin:
                 self._split_in_two(track)
@@ -567,22 +576,21 @@ class Locator:
         return compare_with_two(groups, probability[rows], self._window[rows], *place, self.pose_error, earlier)
 
     def _near(self, track: Track, sight: FloatArray) -> FloatArray:
-        """Return the probability that each group came from a track or from a source within `APART_M`, shape (n,).
-
-        Where the map hides the track, waves come from the edges near it, which look like a second source.
+        """Return the probability that each group came from no track, but from a source near a track, shape (n,).
 
         Args:
-            track: The track.
+            track: The track; the source is within `APART_M`.
             sight: Unit vectors from the array along the direction of each group, world frame, shape (n, 2).
         """
-        groups, others = self._pool.groups, np.zeros(track.direct.size)
+        groups, of_tracks = self._pool.groups, track.direct.copy()
         for other in self._tracks:
             if other is not track and self._is_established(other):
-                others += other.direct
+                of_tracks += other.direct
         off_m = track.position_m[:2] - groups.pose[:, :2]
         past_m = off_m[:, 0] * sight[:, 1] - off_m[:, 1] * sight[:, 0]
         is_near = (np.abs(past_m) < APART_M) & ((off_m * sight).sum(axis=-1) > 0.0)
-        return np.where(is_near, (1.0 - others) * track.compared.direct, track.direct)
+        in_sight = in_sight_probability(track.compared, track.level, groups.n_pulses, is_near)
+        return np.maximum(in_sight - of_tracks, 0.0)
 
     def _split_in_two(self, track: Track) -> None:
         """Replace a track by two at its both likely positions."""
@@ -717,7 +725,7 @@ class Locator:
             self._is_tried[:] = False
             for other in self._tracks:
                 if other is not track:
-                    other.n_tested = 0.0
+                    other.n_tested = NEVER_TESTED
 
     def _state(self, track: Track) -> State:
         """Return the state of a track; one that is confirmed or beyond the fence has more lenient limits."""

@@ -39,7 +39,8 @@ class Evidence(NamedTuple):
     image: float = np.inf
 
 
-NO_EVIDENCE, UNKNOWN_LEVEL, NEVER_FITTED = Evidence(), Level(*LEVEL_PRIOR_DB), (0.0, 0.0)
+NO_EVIDENCE, UNKNOWN_LEVEL = Evidence(), Level(*LEVEL_PRIOR_DB)
+NEVER_FITTED = NEVER_TESTED = (0.0, 0.0)
 
 
 @dataclass(kw_only=True)
@@ -68,7 +69,7 @@ class Track:
         n_compared: Number of leading groups whose comparison is up to date.
         fitted: Number of its groups and aperture at the last fit.
         two: Latest comparison with two sources.
-        n_tested: Number of groups that were compared at that time, its own and others near it.
+        n_tested: Numbers of its groups and of others near it at that time.
         twin: Id of the track that was split off from it, or from which it was split off; 0 without one.
     """
 
@@ -93,7 +94,7 @@ class Track:
     n_compared: int = 0
     fitted: tuple[float, float] = NEVER_FITTED
     two: TwoSources = ONE_SOURCE
-    n_tested: float = 0.0
+    n_tested: tuple[float, float] = NEVER_TESTED
     twin: int = 0
 
     @property

@@ -32,6 +32,7 @@ def ratios_of(
         0.0 * one,
         (LEVEL.mean_db + level_db) * one,
         2.0 * one,
+        0.0 * one,
         0.05 * one,
         bearing_sigmas * one,
         direct * one,
