@@ -32,3 +32,12 @@ def test_waves_bent_around_an_edge_are_not_a_second_source(seed: int) -> None:
     report = make_report(run_mission(load_scenario("one_source"), "seek", seed=seed), 0.0)
     assert report.scores.sources[0].found
     assert not any(finding.possibly_two for finding in report.findings)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("seed", [0, 1])
+def test_source_beside_another_is_noticed_from_where_that_is_hidden(seed: int) -> None:
+    """Two sources 1.1 m apart on both sides of a circuit breaker: nobody sees both from one place."""
+    report = make_report(run_mission(load_scenario("suite/close_09"), "seek", seed=seed), 0.0)
+    n_found = sum(source.found for source in report.scores.sources)
+    assert n_found == 2 or any(finding.possibly_two for finding in report.findings)

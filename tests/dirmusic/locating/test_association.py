@@ -8,9 +8,11 @@ from dirmusic.locating.association import (
     EXCEEDED,
     INTERFERENCE_DB,
     Association,
+    Comparison,
     Level,
     associate,
     compare_groups,
+    in_sight_probability,
     likelihoods,
     possible_origin,
     window_shares,
@@ -25,6 +27,15 @@ AHEAD_M, LEFT_M = np.array([6.0, 0.0, 0.9]), np.array([0.0, 6.0, 0.9])
 FREE, METAL = 1.0, 1e-3
 
 
+def compared_with(groups: Groups, place_m: FloatArray, transmission: float) -> Comparison:
+    """Compare groups with a source that is known within 0.1 m."""
+    prior = array_prior(ARRAY, START)
+    uncertainty = np.zeros((3 + prior.mean.size,) * 2)
+    uncertainty[:3, :3], uncertainty[3:, 3:] = 0.01 * np.eye(3), np.linalg.inv(prior.information)
+    known = prior.mean, uncertainty, nominal_array(ARRAY), Noise(0.05, 0.01, 0.1)
+    return compare_groups(groups, place_m, *known, np.full((4, len(groups.pose)), transmission))
+
+
 def associated(
     groups: Groups,
     places_m: list[FloatArray],
@@ -34,11 +45,11 @@ def associated(
     levels: list[Level] | None = None,
 ) -> Association:
     """Associate groups with sources that are known within 0.1 m, of `LEVEL` by default, with equal shares."""
-    prior, n = array_prior(ARRAY, START), groups.time_s.size
-    uncertainty = np.zeros((3 + prior.mean.size,) * 2)
-    uncertainty[:3, :3], uncertainty[3:, 3:] = 0.01 * np.eye(3), np.linalg.inv(prior.information)
-    known = prior.mean, uncertainty, nominal_array(ARRAY), Noise(0.05, 0.01, 0.1), np.full((4, n), transmission)
-    compared, k = [compare_groups(groups, place_m, *known) for place_m in places_m], len(places_m)
+    compared, k, n = (
+        [compared_with(groups, place_m, transmission) for place_m in places_m],
+        len(places_m),
+        len(groups.pose),
+    )
     likelihood = likelihoods(groups, compared, levels or [LEVEL] * k, np.full(k, is_located))
     return associate(likelihood, np.full((k + 1, n), 1.0 / (k + 1)))
 
@@ -103,6 +114,21 @@ def test_pulse_of_a_hidden_source_is_multipath_if_weaker(azimuth_deg: float) -> 
     assert max(origin(azimuth_deg, 8.0, METAL)) < 0.05
     weak = groups_from(np.zeros((1, 3)), np.radians([azimuth_deg]), 6.0, LEVEL.mean_db - 6.0)
     assert associated(weak, [AHEAD_M], METAL, is_located=False).multipath.max() == 0.0
+
+
+@pytest.mark.parametrize("n_free", [0, 20, 40])
+def test_waves_from_behind_an_obstacle_came_in_free_sight_only_if_they_are_as_strong(n_free: int) -> None:
+    """Where the map hides the source, waves bent around the edge are weaker; another source near it is not hidden."""
+    weaker_db = np.where(np.arange(60) < n_free, 0.0, 20.0) + np.random.default_rng(0).normal(0.0, LEVEL.spread_db, 60)
+    groups = groups_from(np.zeros((60, 3)), np.zeros(60), 6.0, LEVEL.mean_db - weaker_db)
+    is_near, n_pulses = np.arange(60) % 2 == 0, np.ones(60)
+
+    def found(transmission: float) -> FloatArray:
+        return in_sight_probability(compared_with(groups, AHEAD_M, transmission), LEVEL, n_pulses, is_near)
+
+    assert (found(FREE)[is_near] > 0.95).all()
+    assert found(METAL)[is_near].sum() == pytest.approx(0.5 * n_free, abs=2.0)
+    assert not found(METAL)[~is_near].any()
 
 
 @pytest.mark.parametrize("n_pulses", [1, 70, 1000])
